@@ -1,0 +1,194 @@
+//! `tracklens extract` and `tracklens eval`.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use ndarray::Array3;
+use rayon::prelude::*;
+
+use super::files::{self, Folder};
+use super::score::ScoringArguments;
+use crate::data::keypoints_csv;
+use crate::engine::Encoder;
+use crate::error::{Error, ErrorKind, Result};
+use crate::event::{Cancel, Event};
+use crate::extract::{CpuExtractor, Extraction, Extractor as _};
+use crate::track::KeypointTrack;
+
+#[derive(Debug, Args)]
+pub(super) struct ExtractArguments {
+    #[command(flatten)]
+    source: SourceArguments,
+    /// Where to write the keypoints: CSV with the columns sequence,frame,keypoint,x,y
+    #[arg(long, value_name = "KP.csv")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct EvalArguments {
+    #[command(flatten)]
+    source: SourceArguments,
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down)
+    #[arg(long, value_name = "GT.csv")]
+    truth: PathBuf,
+    /// Also write the keypoints to this file
+    #[arg(long, value_name = "KP.csv")]
+    keypoints_out: Option<PathBuf>,
+    #[command(flatten)]
+    scoring: ScoringArguments,
+}
+
+/// Where keypoints come from; shared by `extract` and `eval`.
+#[derive(Debug, Args)]
+struct SourceArguments {
+    /// Weights of the encoder
+    #[arg(long, value_name = "W.safetensors")]
+    checkpoint: PathBuf,
+    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP)
+    #[arg(long, value_name = "DIR")]
+    frames: PathBuf,
+    /// Threads; default: all cores
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Leave frames out that cannot be read, and count them, instead of stopping at the first
+    #[arg(long)]
+    skip_unreadable: bool,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
+    let extracted = arguments.source.extract()?;
+    files::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
+    eprintln!(
+        "{} keypoints of {} frames written to {}",
+        extracted.track.keypoints(),
+        extracted.track.keys().len(),
+        arguments.out.display()
+    );
+    Ok(())
+}
+
+pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
+    // Before the long work: a table that cannot be read should not cost minutes.
+    let truth = files::read_ground_truth(&arguments.truth)?;
+    let extracted = arguments.source.extract()?;
+    if let Some(path) = &arguments.keypoints_out {
+        files::write(path, keypoints_csv(&extracted.track).as_bytes())?;
+    }
+    arguments.scoring.score(&truth, &extracted.track, extracted.image_size)
+}
+
+struct Extracted {
+    track: KeypointTrack,
+    /// The size of all images, if they share one.
+    image_size: Option<[u32; 2]>,
+}
+
+impl SourceArguments {
+    fn extract(&self) -> Result<Extracted> {
+        let encoder = Encoder::new(&files::read_checkpoint(&self.checkpoint)?)
+            .map_err(|e| e.at(self.checkpoint.display()))?;
+        let folder = Folder::open(&self.frames)?;
+        if !folder.index.ignored().is_empty() {
+            eprintln!("note: {} files that are no images are left out", folder.index.ignored().len());
+        }
+        let cancel = cancel_on_interrupt()?;
+        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+        let threads = self.threads.unwrap_or(0);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
+        let report = |event: Event| show(&bar, &event);
+        let found = pool.install(|| extract_all(&encoder, &folder, &report, &cancel))?;
+
+        let unreadable: Vec<&Error> = found.iter().filter_map(|f| f.as_ref().err()).collect();
+        if let Some(first) = unreadable.first() {
+            if !self.skip_unreadable || unreadable.len() == found.len() {
+                return Err((*first).clone());
+            }
+            eprintln!("note: {} of {} frames are left out:", unreadable.len(), found.len());
+            for error in unreadable {
+                eprintln!("note:   {error}");
+            }
+        }
+        let (keys, good): (Vec<_>, Vec<&Extraction>) = folder
+            .index
+            .keys()
+            .iter()
+            .zip(&found)
+            .filter_map(|(key, found)| Some((key.clone(), found.as_ref().ok()?)))
+            .unzip();
+        let points = Array3::from_shape_fn((good.len(), encoder.keypoints(), 2), |(t, n, axis)| {
+            f64::from(good[t].points[n][axis])
+        });
+        let size = good.first().map(|g| g.image_size);
+        let same = good.iter().all(|g| Some(g.image_size) == size);
+        if !same && encoder.config().input_size.is_none() {
+            eprintln!("note: the frames are of different sizes and the checkpoint names no input size");
+        }
+        Ok(Extracted { track: KeypointTrack::new(keys, points)?, image_size: size.filter(|_| same) })
+    }
+}
+
+/// Extracts every frame, dealt to the threads of the current pool; the results are in order.
+fn extract_all(
+    encoder: &Encoder,
+    folder: &Folder,
+    report: &(dyn Fn(Event) + Sync),
+    cancel: &Cancel,
+) -> Result<Vec<Result<Extraction>>> {
+    report(Event::Started { what: "extracting keypoints".to_owned(), total: folder.len() as u64 });
+    let done = std::sync::atomic::AtomicU64::new(0);
+    let one = |extractor: &mut CpuExtractor<&Encoder>, path: &Path| {
+        cancel.check()?;
+        let place = |e: Error| e.at(path.display());
+        let found = files::read(path).and_then(|bytes| extractor.extract(&bytes).map_err(place));
+        let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+        report(Event::Progress { done, note: String::new() });
+        found
+    };
+    let found: Vec<Result<Extraction>> = (0..folder.len())
+        .into_par_iter()
+        .map_init(|| CpuExtractor::new(encoder), |extractor, i| one(extractor, folder.path(i)))
+        .collect();
+    report(Event::Done);
+    match found.iter().find(|f| matches!(f, Err(e) if e.kind() == ErrorKind::Cancelled)) {
+        Some(_) => Err(Error::cancelled()),
+        None => Ok(found),
+    }
+}
+
+/// A [`Cancel`] that Ctrl-C sets.
+pub(super) fn cancel_on_interrupt() -> Result<Cancel> {
+    let cancel = Cancel::default();
+    let switch = cancel.clone();
+    ctrlc::set_handler(move || switch.cancel())
+        .map_err(|e| Error::new(ErrorKind::Io, format!("Ctrl-C cannot be handled: {e}")))?;
+    Ok(cancel)
+}
+
+/// Translates events for the terminal.
+pub(super) fn show(bar: &ProgressBar, event: &Event) {
+    match event {
+        Event::Started { what, total } => {
+            let template = "{msg} {wide_bar} {pos}/{len} ({per_sec}, {eta} left)";
+            bar.set_style(ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar()));
+            bar.set_length(*total);
+            bar.set_message(what.clone());
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
+        Event::Progress { done, note } => {
+            bar.set_position(*done);
+            if !note.is_empty() {
+                bar.set_message(note.clone());
+            }
+        }
+        Event::Warning(text) => bar.suspend(|| eprintln!("warning: {text}")),
+        Event::Done => bar.finish_and_clear(),
+    }
+}

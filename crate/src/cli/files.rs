@@ -1,0 +1,100 @@
+//! Files and folders: everything that knows paths.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::checkpoint::Checkpoint;
+use crate::data::{FrameIndex, Table, parse_ground_truth, parse_keypoints};
+use crate::error::{Error, Result};
+use crate::track::{GroundTruth, KeypointTrack};
+
+/// Folders below the given one that are searched for frames.
+const DEPTH: usize = 8;
+
+/// The frames of a folder.
+pub(super) struct Folder {
+    pub index: FrameIndex,
+    paths: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Finds the frames below `folder`: one folder a sequence, or the images of the folder itself.
+    pub fn open(folder: &Path) -> Result<Self> {
+        let mut paths = Vec::new();
+        walk(folder, DEPTH, &mut paths)?;
+        let relative = |path: &PathBuf| {
+            let below = path.strip_prefix(folder).unwrap_or(path);
+            let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy()).collect();
+            parts.join("/")
+        };
+        let names: Vec<String> = paths.iter().map(relative).collect();
+        let index = FrameIndex::new(&names).map_err(|e| e.at(folder.display()))?;
+        Ok(Self { index, paths })
+    }
+
+    /// The path of frame `i`, in order.
+    pub fn path(&self, i: usize) -> &Path {
+        &self.paths[self.index.order()[i]]
+    }
+
+    /// The number of frames.
+    pub fn len(&self) -> usize {
+        self.index.keys().len()
+    }
+}
+
+fn walk(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<()> {
+    let failed = |e: std::io::Error| Error::io(folder.display(), &e);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let path = entry.path();
+        // Follows links, so that a data set may be linked together.
+        let is_folder = std::fs::metadata(&path).map_err(|e| Error::io(path.display(), &e))?.is_dir();
+        if !is_folder {
+            out.push(path);
+        } else if depth > 0 {
+            walk(&path, depth - 1, out)?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| Error::io(path.display(), &e))
+}
+
+pub(super) fn read_ground_truth(path: &Path) -> Result<GroundTruth> {
+    Ok(told(parse_ground_truth(&read(path)?, &path.to_string_lossy())?, path))
+}
+
+pub(super) fn read_keypoints(path: &Path) -> Result<KeypointTrack> {
+    Ok(told(parse_keypoints(&read(path)?, &path.to_string_lossy())?, path))
+}
+
+pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
+    Checkpoint::from_safetensors(&read(path)?).map_err(|e| e.at(path.display()))
+}
+
+fn told<T>(table: Table<T>, path: &Path) -> T {
+    for notice in &table.notices {
+        eprintln!("note: {}: {notice}", path.display());
+    }
+    table.content
+}
+
+/// Writes `bytes` to `path` whole or not at all: into a temporary file beside it, which is then renamed.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    let failed = |e: std::io::Error| Error::io(path.display(), &e);
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    file.write_all(bytes).map_err(failed)?;
+    file.as_file().sync_all().map_err(failed)?;
+    #[cfg(unix)]
+    {
+        // Temporary files are private; a result is as readable as any other file.
+        use std::os::unix::fs::PermissionsExt as _;
+        file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644)).map_err(failed)?;
+    }
+    file.persist(path).map_err(|e| failed(e.error))?;
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! The terminal face: parse arguments, read files, call, show.
+
+mod extract;
+mod files;
+mod score;
+#[cfg(feature = "train")]
+mod train;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::{Error, ErrorKind};
+
+/// Do the keypoints track the objects? Scores keypoint detectors with tracking errors and Tracking Capability.
+#[derive(Debug, Parser)]
+#[command(name = "tracklens", version, about, after_help = EXIT_CODES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 reading or writing failed, 2 wrong arguments, 3 bad input (a \
+                          table, an image, a checkpoint), 4 inputs that do not fit each other, 5 numbers that \
+                          allow no answer, 130 cancelled.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Score a keypoint table against a ground-truth table.
+    Score(score::ScoreArguments),
+    /// Extract keypoints from a folder of image sequences into a CSV table.
+    Extract(extract::ExtractArguments),
+    /// Extract and score in one go.
+    Eval(extract::EvalArguments),
+    /// Train a spatial autoencoder on a folder of image sequences.
+    #[cfg(feature = "train")]
+    Train(Box<train::TrainArgs>),
+}
+
+/// Runs the command line and returns the exit code of the process.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let done = match arguments.command {
+        Command::Score(arguments) => score::run(&arguments),
+        Command::Extract(arguments) => extract::run(&arguments),
+        Command::Eval(arguments) => extract::run_eval(&arguments),
+        #[cfg(feature = "train")]
+        Command::Train(arguments) => train::run(*arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("tracklens: {error}");
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+fn exit_code(error: &Error) -> u8 {
+    match error.kind() {
+        ErrorKind::Io => 1,
+        ErrorKind::Input => 3,
+        ErrorKind::Mismatch => 4,
+        ErrorKind::Numeric => 5,
+        ErrorKind::Cancelled => 130,
+    }
+}

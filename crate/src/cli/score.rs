@@ -1,0 +1,156 @@
+//! `tracklens score`, and how evaluations are shown.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use comfy_table::CellAlignment;
+
+use super::files;
+use crate::error::{Error, Result};
+use crate::metric::{NonFinite, Rank, Settings, Transform};
+use crate::report::{EvaluationReport, JoinReport, Unmatched};
+use crate::scoring::Scoring;
+use crate::track::{GroundTruth, KeypointTrack};
+
+#[derive(Debug, Args)]
+pub(super) struct ScoreArguments {
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down)
+    #[arg(long, value_name = "GT.csv")]
+    truth: PathBuf,
+    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0)
+    #[arg(long, value_name = "KP.csv")]
+    keypoints: PathBuf,
+    #[command(flatten)]
+    scoring: ScoringArguments,
+}
+
+/// How to score and how to show it; shared by `score` and `eval`.
+#[derive(Debug, Args)]
+pub(super) struct ScoringArguments {
+    /// The map fitted between a keypoint and an object: affine, scale-translate or identity
+    #[arg(long, default_value = "affine")]
+    transform: Transform,
+    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube 0.015,
+    /// target 0.015, eef 0.1, others 0.015
+    #[arg(long = "threshold", value_name = "NAME=VALUE", value_parser = parse_threshold)]
+    thresholds: Vec<(String, f64)>,
+    /// When a direction counts as no motion: reference (as the authors' code) or centred (in any unit)
+    #[arg(long, default_value = "reference")]
+    rank: Rank,
+    /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
+    #[arg(long, value_name = "POLICY", default_value = "error")]
+    non_finite: NonFinite,
+    /// Size of the images in pixels, for errors in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    image_size: Option<[u32; 2]>,
+    /// Print the evaluation as JSON (the default when the output is not a terminal)
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print one line an object as CSV
+    #[arg(long)]
+    csv: bool,
+}
+
+fn parse_threshold(text: &str) -> Result<(String, f64)> {
+    let wrong = || Error::input(format!("`{text}` is no threshold; expected NAME=VALUE, e.g. cube=0.015"));
+    let (name, value) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let value: f64 = value.trim().parse().map_err(|_| wrong())?;
+    if name.is_empty() || !(value.is_finite() && value > 0.0) {
+        return Err(wrong());
+    }
+    Ok((name.to_owned(), value))
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2]> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sides
+        .filter(|sides: &[u32; 2]| sides.iter().all(|s| *s > 0))
+        .ok_or_else(|| Error::input(format!("`{text}` is no size; expected WIDTHxHEIGHT, e.g. 256x256")))
+}
+
+pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
+    let truth = files::read_ground_truth(&arguments.truth)?;
+    let keypoints = files::read_keypoints(&arguments.keypoints)?;
+    arguments.scoring.score(&truth, &keypoints, None)
+}
+
+impl ScoringArguments {
+    /// Scores and prints. `image_size` is the images' own size, where they are known.
+    pub fn score(
+        &self,
+        truth: &GroundTruth,
+        keypoints: &KeypointTrack,
+        image_size: Option<[u32; 2]>,
+    ) -> Result<()> {
+        let scoring = Scoring::new(truth, keypoints, self.non_finite)?;
+        let settings = Settings { transform: self.transform, rank: self.rank };
+        let evaluation = scoring.evaluate(&self.thresholds, &settings)?;
+        let report = EvaluationReport::new(&evaluation, self.image_size.or(image_size));
+        let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
+        print_join(&join);
+        if self.csv {
+            print!("{}", report.to_csv());
+        } else if self.json || !std::io::stdout().is_terminal() {
+            let json = serde_json::to_string_pretty(&report)
+                .map_err(|e| Error::input(format!("the evaluation cannot be written as JSON: {e}")))?;
+            println!("{json}");
+        } else {
+            print_table(&report);
+        }
+        Ok(())
+    }
+}
+
+fn print_join(join: &JoinReport) {
+    for rule in &join.rules {
+        eprintln!("note: {rule}");
+    }
+    let told = |what: &str, unmatched: &Unmatched| {
+        if unmatched.count > 0 {
+            let more = if unmatched.count > unmatched.first.len() { "; …" } else { "" };
+            eprintln!("note: {} {what}: {}{more}", unmatched.count, unmatched.first.join("; "));
+        }
+    };
+    told("frames have no row of ground truth and do not count", &join.unmatched_frames);
+    told("frames of the ground truth have no keypoints and do not count", &join.unmatched_rows);
+}
+
+fn print_table(report: &EvaluationReport) {
+    let mut table = comfy_table::Table::new();
+    table
+        .load_preset(UTF8_HORIZONTAL_ONLY)
+        .set_header(["object", "tracked", "error", "threshold", "best keypoint", "RMSE", "frames"]);
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.5}"));
+    for object in &report.objects {
+        let rmse = match object.rmse_px {
+            Some(px) => format!("{} ({px:.1} px)", number(object.rmse)),
+            None => number(object.rmse),
+        };
+        table.add_row([
+            object.name.clone(),
+            if object.tracked { "yes" } else { "no" }.to_owned(),
+            number(object.error),
+            object.threshold.to_string(),
+            object.best_keypoint.map_or_else(|| "–".to_owned(), |n| n.to_string()),
+            rmse,
+            object.frames.to_string(),
+        ]);
+    }
+    for column in 2..7 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let tracked = report.objects.iter().filter(|o| o.tracked).count();
+    println!("TC {:.3}: {tracked} of {} objects tracked over {} frames", report.tc, report.objects.len(), report.frames);
+    println!("{table}");
+    println!(
+        "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
+        report.transform, report.rank
+    );
+    for warning in &report.warnings {
+        println!("warning: {warning}");
+    }
+}

@@ -1,0 +1,77 @@
+//! What a file is, from its path and first bytes.
+
+use super::frames::is_image;
+
+/// What a file is taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// A frame.
+    Image,
+    /// A table of object positions.
+    GroundTruth,
+    /// A table of keypoints.
+    Keypoints,
+    /// Weights of an encoder.
+    Checkpoint,
+    /// Nothing that is known here.
+    Unknown,
+}
+
+/// A role with the reason in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Classification {
+    /// What the file is taken for.
+    pub role: Role,
+    /// Why.
+    pub reason: String,
+}
+
+/// Guesses what a file is from its path and its first bytes (4 kB are enough).
+pub fn classify(path: &str, head: &[u8]) -> Classification {
+    let (role, reason) = guess(path, head);
+    Classification { role, reason }
+}
+
+fn guess(path: &str, head: &[u8]) -> (Role, String) {
+    if is_image(path) {
+        return (Role::Image, "an image by its name".to_owned());
+    }
+    let file = path.rsplit('/').next().unwrap_or_default();
+    if file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX") {
+        return (Role::Unknown, "a hidden file".to_owned());
+    }
+    let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
+    match ending.as_str() {
+        "safetensors" => (Role::Checkpoint, "a .safetensors checkpoint".to_owned()),
+        "csv" | "tsv" | "txt" => table(head),
+        "" => (Role::Unknown, "a file without an ending".to_owned()),
+        _ => (
+            Role::Unknown,
+            format!("`.{ending}` is not known; expected images, a .csv table or a .safetensors checkpoint"),
+        ),
+    }
+}
+
+fn table(head: &[u8]) -> (Role, String) {
+    let text = String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head));
+    let header = text.lines().next().unwrap_or_default().to_ascii_lowercase();
+    let has = |name: &str| header.split([',', ';', '\t']).any(|c| c.trim().trim_matches('"') == name);
+    match (has("object"), has("keypoint")) {
+        (true, false) => (Role::GroundTruth, "a table with a column `object`".to_owned()),
+        (false, true) => (Role::Keypoints, "a table with a column `keypoint`".to_owned()),
+        (true, true) => (
+            Role::Unknown,
+            "a table with both a column `object` and a column `keypoint`; expected one of them".to_owned(),
+        ),
+        (false, false) if has("x") && has("y") => (
+            Role::GroundTruth,
+            "a table with columns `x` and `y`; a ground truth also needs `object`, keypoints need `keypoint`".to_owned(),
+        ),
+        (false, false) => (
+            Role::Unknown,
+            "a table without a column `object` (ground truth) or `keypoint`: expected `sequence,frame,object,x,y` or \
+             `sequence,frame,keypoint,x,y`"
+                .to_owned(),
+        ),
+    }
+}

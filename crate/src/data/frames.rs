@@ -1,0 +1,160 @@
+//! Which paths are frames, of which sequence, in which order.
+
+use std::collections::{BTreeMap, HashSet};
+
+use super::table::natural;
+use crate::error::{Error, Result};
+use crate::track::FrameKey;
+
+const IMAGE_ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
+
+/// A run of consecutive frames of one sequence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SequenceRange {
+    /// The name of the sequence.
+    pub name: String,
+    /// The position of its first frame.
+    pub start: usize,
+    /// The number of its frames.
+    pub length: usize,
+}
+
+/// The frames among a list of paths: images, one folder a sequence, in natural order (`frame_2` before
+/// `frame_10`).
+///
+/// A sequence is named by its folder, or by its path from the top where folder names repeat. A frame is numbered
+/// by the last number in its file name where that is different for all frames of the sequence, otherwise by its
+/// position.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FrameIndex {
+    keys: Vec<FrameKey>,
+    order: Vec<usize>,
+    ignored: Vec<usize>,
+}
+
+impl FrameIndex {
+    /// Orders the frames among `paths` (separated by `/`).
+    ///
+    /// # Errors
+    /// When there is no image among them.
+    pub fn new<S: AsRef<str>>(paths: &[S]) -> Result<Self> {
+        let mut folders: BTreeMap<&str, Vec<(usize, &str)>> = BTreeMap::new();
+        let mut ignored = Vec::new();
+        for (i, path) in paths.iter().enumerate() {
+            let path = path.as_ref();
+            if is_image(path) {
+                let (folder, file) = path.rsplit_once('/').unwrap_or(("", path));
+                folders.entry(folder).or_default().push((i, file));
+            } else {
+                ignored.push(i);
+            }
+        }
+        if folders.is_empty() {
+            return Err(Error::input(format!(
+                "no images among {} file{}; expected .png, .jpg, .jpeg or .webp files, one folder a sequence",
+                paths.len(),
+                if paths.len() == 1 { "" } else { "s" }
+            )));
+        }
+        let last = |folder: &'_ str| folder.rsplit('/').next().unwrap_or_default().to_owned();
+        let names: HashSet<String> = folders.keys().map(|f| last(f)).collect();
+        let short = names.len() == folders.len();
+        let mut folders: Vec<_> = folders.into_iter().collect();
+        folders.sort_by(|(a, _), (b, _)| natural(a, b));
+
+        let mut keys = Vec::new();
+        let mut order = Vec::new();
+        for (folder, mut files) in folders {
+            let sequence = match folder {
+                "" => "0".to_owned(),
+                _ if short => last(folder),
+                _ => folder.to_owned(),
+            };
+            files.sort_by(|(_, a), (_, b)| natural(a, b));
+            let numbers: Vec<Option<u64>> = files.iter().map(|(_, file)| last_number(stem(file))).collect();
+            let distinct: HashSet<u64> = numbers.iter().flatten().copied().collect();
+            let numbered = distinct.len() == files.len();
+            for (position, ((i, _), number)) in files.into_iter().zip(numbers).enumerate() {
+                let frame = number.filter(|_| numbered).unwrap_or(position as u64);
+                keys.push(FrameKey { sequence: sequence.clone(), frame });
+                order.push(i);
+            }
+        }
+        Ok(Self { keys, order, ignored })
+    }
+
+    /// The frames in order.
+    pub fn keys(&self) -> &[FrameKey] {
+        &self.keys
+    }
+
+    /// For each frame in order, the position of its path in the list given.
+    pub fn order(&self) -> &[usize] {
+        &self.order
+    }
+
+    /// The positions of the paths that are no images.
+    pub fn ignored(&self) -> &[usize] {
+        &self.ignored
+    }
+
+    /// Only the frames at `positions` (in order, of this index), with the same keys.
+    ///
+    /// # Errors
+    /// When a position is out of range or they are not ascending.
+    pub fn select(&self, positions: &[usize]) -> Result<Self> {
+        let ascending = positions.windows(2).all(|w| w[0] < w[1]);
+        if !ascending || positions.last().is_some_and(|last| *last >= self.keys.len()) {
+            return Err(Error::input(format!(
+                "positions of frames must be ascending and below {}",
+                self.keys.len()
+            )));
+        }
+        Ok(Self {
+            keys: positions.iter().map(|i| self.keys[*i].clone()).collect(),
+            order: positions.iter().map(|i| self.order[*i]).collect(),
+            ignored: self.ignored.clone(),
+        })
+    }
+
+    /// The sequences in order.
+    pub fn sequences(&self) -> Vec<SequenceRange> {
+        ranges(&self.keys)
+    }
+}
+
+/// The runs of equal sequence in a list of frames.
+pub fn ranges(keys: &[FrameKey]) -> Vec<SequenceRange> {
+    let mut start = 0;
+    keys.chunk_by(|a, b| a.sequence == b.sequence)
+        .map(|run| {
+            let range = SequenceRange {
+                name: run[0].sequence.clone(),
+                start,
+                length: run.len(),
+            };
+            start += run.len();
+            range
+        })
+        .collect()
+}
+
+/// The last run of digits in `text`, if it is a number.
+pub(super) fn last_number(text: &str) -> Option<u64> {
+    let end = text.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let start = text[..end]
+        .rfind(|c: char| !c.is_ascii_digit())
+        .map_or(0, |i| i + text[i..].chars().next().map_or(1, char::len_utf8));
+    text[start..end].parse().ok()
+}
+
+pub(super) fn is_image(path: &str) -> bool {
+    let file = path.rsplit('/').next().unwrap_or_default();
+    let hidden = file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX");
+    let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
+    !hidden && ending.is_some_and(|e| IMAGE_ENDINGS.contains(&e.as_str()))
+}
+
+fn stem(file: &str) -> &str {
+    file.rsplit_once('.').map_or(file, |(stem, _)| stem)
+}

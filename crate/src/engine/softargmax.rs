@@ -1,0 +1,30 @@
+//! The spatial soft-argmax that turns a feature map into a keypoint.
+
+/// The expected position (x, y) under the softmax of a `width` x `height` map; -1 and +1 are the centres of the
+/// border cells (paper, section 2; temperature 1).
+///
+/// The maximum is subtracted first, so that no activation overflows; sums are in f64.
+pub(super) fn soft_argmax(map: &[f32], width: usize) -> [f32; 2] {
+    let height = map.len() / width;
+    let max = map.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let (mut total, mut along_x, mut along_y) = (0.0f64, 0.0f64, 0.0f64);
+    for (y, row) in map.chunks_exact(width).enumerate() {
+        let mut row_total = 0.0f64;
+        for (x, value) in row.iter().enumerate() {
+            let weight = f64::from((value - max).exp());
+            row_total += weight;
+            along_x += weight * cell(x, width);
+        }
+        total += row_total;
+        along_y += row_total * cell(y, height);
+    }
+    [(along_x / total) as f32, (along_y / total) as f32]
+}
+
+/// `linspace(-1, 1, cells)[i]`; a single cell is at -1, as PyTorch has it.
+fn cell(i: usize, cells: usize) -> f64 {
+    if cells == 1 {
+        return -1.0;
+    }
+    2.0 * i as f64 / (cells - 1) as f64 - 1.0
+}

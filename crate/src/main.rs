@@ -1,0 +1,5 @@
+//! The `tracklens` command.
+
+fn main() -> std::process::ExitCode {
+    tracklens::cli::main()
+}

@@ -1,0 +1,306 @@
+//! The maps from keypoints to objects, fitted by ordinary least squares.
+
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, SymmetricEigen, Vector2};
+
+use super::moments::PairMoments;
+use crate::error::{Error, Result};
+
+/// Which map is fitted between a keypoint and an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Transform {
+    /// None: the keypoint itself.
+    Identity,
+    /// A scale and a shift per axis.
+    ScaleTranslate,
+    /// `A z + b` with any 2 x 2 matrix A (the paper's choice).
+    #[default]
+    Affine,
+}
+
+/// When a direction of a keypoint's motion counts as no motion at all and is left out of the fit
+/// (the minimum-norm solution is taken).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Rank {
+    /// As the authors' code: singular values of the design matrix `[z 1]` below `eps_f32 * max(T, columns)`
+    /// times the largest. Depends on the unit and the origin of the coordinates, so it belongs to ndc.
+    #[default]
+    Reference,
+    /// Directions whose standard deviation is below 1e-6 of the largest, on centred data: the same answer in
+    /// any unit and anywhere in the plane.
+    Centred,
+}
+
+/// An enum whose values have names on the command line and in JSON.
+macro_rules! named {
+    ($type:ty, $what:literal, $($name:literal = $value:path),+) => {
+        impl $type {
+            /// Every value.
+            pub const ALL: &[Self] = &[$($value),+];
+
+            /// The name on the command line and in JSON.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $($value => $name),+
+                }
+            }
+        }
+
+        impl std::str::FromStr for $type {
+            type Err = Error;
+
+            fn from_str(name: &str) -> Result<Self> {
+                Self::ALL.iter().copied().find(|value| value.name() == name).ok_or_else(|| {
+                    let names: Vec<&str> = Self::ALL.iter().map(|value| value.name()).collect();
+                    Error::input(format!(
+                        concat!("`{}` is no ", $what, "; expected one of {}"),
+                        name,
+                        names.join(", ")
+                    ))
+                })
+            }
+        }
+    };
+}
+
+named!(
+    Transform,
+    "transform",
+    "identity" = Transform::Identity,
+    "scale-translate" = Transform::ScaleTranslate,
+    "affine" = Transform::Affine
+);
+named!(Rank, "rank rule", "reference" = Rank::Reference, "centred" = Rank::Centred);
+
+/// `truth = A z + b`, on column vectors (x, y).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AffineMap {
+    /// The matrix A, row by row.
+    pub a: [[f64; 2]; 2],
+    /// The shift b.
+    pub b: [f64; 2],
+}
+
+/// A fitted map and what it leaves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// `truth_from_keypoint`.
+    pub map: AffineMap,
+    /// Sums over the frames of the squared distance along x and along y.
+    pub squares: [f64; 2],
+    /// The number of frames T the sums run over.
+    pub frames: u64,
+    /// Whether the rank rule left a direction out.
+    pub direction_dropped: bool,
+}
+
+impl AffineMap {
+    /// The map that changes nothing.
+    pub const IDENTITY: Self = Self {
+        a: [[1.0, 0.0], [0.0, 1.0]],
+        b: [0.0, 0.0],
+    };
+
+    /// `A point + b`.
+    pub fn apply(&self, point: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|row| self.a[row][0] * point[0] + self.a[row][1] * point[1] + self.b[row])
+    }
+}
+
+impl Fit {
+    /// The tracking error `e`: the mean over time of the squared distance.
+    pub fn error(&self) -> f64 {
+        self.error_sum() / self.frames as f64
+    }
+
+    /// The sum over time of the squared distance, as equation 1 of the paper writes it.
+    pub fn error_sum(&self) -> f64 {
+        self.squares[0] + self.squares[1]
+    }
+
+    /// The root of the mean squared distance, in ndc.
+    pub fn rmse(&self) -> f64 {
+        self.error().sqrt()
+    }
+
+    /// The root of the mean squared distance in pixels of an image of `[width, height]`.
+    pub fn rmse_px(&self, size: [u32; 2]) -> f64 {
+        let mean: f64 = (0..2)
+            .map(|axis| self.squares[axis] * (f64::from(size[axis]) / 2.0).powi(2))
+            .sum::<f64>()
+            / self.frames as f64;
+        mean.sqrt()
+    }
+}
+
+/// Relative bound of [`Rank::Centred`] on standard deviations. Second moments in f64 resolve ratios of
+/// variances down to about 1e-14; this stays well above.
+const CENTRED_BOUND: f64 = 1e-6;
+
+pub(super) fn fit(pair: &PairMoments, transform: Transform, rank: Rank) -> Fit {
+    match transform {
+        Transform::Identity => identity(pair),
+        Transform::ScaleTranslate => scale_translate(pair, rank),
+        Transform::Affine => affine(pair, rank),
+    }
+}
+
+fn identity(m: &PairMoments) -> Fit {
+    let t = m.frames as f64;
+    let own = [m.keypoint_squares[0], m.keypoint_squares[2]];
+    let with = [m.cross[0], m.cross[3]];
+    let squares = [0, 1].map(|axis| {
+        let shift = m.truth_mean[axis] - m.keypoint_mean[axis];
+        (m.truth_squares[axis] + own[axis] - 2.0 * with[axis]).max(0.0) + t * shift * shift
+    });
+    Fit {
+        map: AffineMap::IDENTITY,
+        squares,
+        frames: m.frames,
+        direction_dropped: false,
+    }
+}
+
+fn scale_translate(m: &PairMoments, rank: Rank) -> Fit {
+    let own = [m.keypoint_squares[0], m.keypoint_squares[2]];
+    let with = [m.cross[0], m.cross[3]];
+    let widest = own[0].max(own[1]);
+    let mut fit = Fit {
+        map: AffineMap::IDENTITY,
+        squares: [0.0; 2],
+        frames: m.frames,
+        direction_dropped: false,
+    };
+    for axis in 0..2 {
+        // One axis alone is the affine problem with the other axis at rest.
+        let alone = PairMoments {
+            keypoint_mean: [m.keypoint_mean[axis], 0.0],
+            keypoint_squares: [own[axis], 0.0, 0.0],
+            truth_mean: [m.truth_mean[axis], 0.0],
+            truth_squares: [m.truth_squares[axis], 0.0],
+            cross: [with[axis], 0.0, 0.0, 0.0],
+            ..*m
+        };
+        let solved = least_squares(&alone, rank, 2, widest);
+        fit.map.a[axis][axis] = solved.map.a[0][0];
+        fit.map.b[axis] = solved.map.b[0];
+        fit.squares[axis] = solved.squares[0];
+        fit.direction_dropped |= solved.direction_dropped;
+    }
+    fit
+}
+
+fn affine(m: &PairMoments, rank: Rank) -> Fit {
+    least_squares(m, rank, 3, f64::INFINITY)
+}
+
+/// Least squares of the truth on `[1 z]` from moments.
+///
+/// With the centred products `C = V diag(d) V'` of the keypoint, the design matrix is `Q R` with
+/// `R = [[sqrt(T), sqrt(T) m'], [0, diag(sqrt(d)) V']]`, and `Q' x` follows from the cross products: all that
+/// the singular value decomposition of the T-row problem needs, in 3 x 3, without ever squaring the offset of
+/// the cloud from the origin. `columns` is the reference's number of columns (1 + moving axes), `widest` the
+/// largest variance the centred rule compares with.
+fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit {
+    let t = m.frames as f64;
+    let [xx, xy, yy] = m.keypoint_squares;
+    let eigen = SymmetricEigen::new(Matrix2::new(xx, xy, xy, yy));
+    let spread = eigen.eigenvalues.map(|d| d.max(0.0).sqrt());
+    let axes = eigen.eigenvectors.transpose();
+    let cross = Matrix2::new(m.cross[0], m.cross[1], m.cross[2], m.cross[3]);
+    // Noise of rounding in the moments, relative to where the cloud lies: not motion under any rule.
+    let offset = m.keypoint_mean[0].hypot(m.keypoint_mean[1]);
+    let noise = 4.0 * f64::EPSILON * t.sqrt() * (offset + spread.max());
+    let mut projected = axes * cross;
+    for i in 0..2 {
+        let factor = if spread[i] > noise { 1.0 / spread[i] } else { 0.0 };
+        projected.set_row(i, &(projected.row(i) * factor));
+    }
+    let explained = |column: usize| projected.column(column).norm_squared();
+    let left = [0, 1].map(|axis| (m.truth_squares[axis] - explained(axis)).max(0.0));
+    let mean = Vector2::from(m.keypoint_mean);
+    let moving_axes = (columns - 1) as usize;
+
+    match rank {
+        Rank::Centred => {
+            let bound = CENTRED_BOUND * spread.max().max(finite_root(widest));
+            let mut a = Matrix2::zeros();
+            let mut squares = left;
+            let mut kept = 0;
+            for i in 0..2 {
+                if spread[i] > noise && spread[i] > bound {
+                    kept += 1;
+                    a += (projected.row(i).transpose() / spread[i]) * axes.row(i);
+                } else {
+                    for axis in 0..2 {
+                        squares[axis] += projected[(i, axis)].powi(2);
+                    }
+                }
+            }
+            let b = Vector2::from(m.truth_mean) - a * mean;
+            fitted(a, b, squares, m.frames, kept < moving_axes)
+        }
+        Rank::Reference => {
+            let root = t.sqrt();
+            let mut r = Matrix3::zeros();
+            r[(0, 0)] = root;
+            for j in 0..2 {
+                r[(0, j + 1)] = root * mean[j];
+                for i in 0..2 {
+                    r[(i + 1, j + 1)] = if spread[i] > noise { spread[i] * axes[(i, j)] } else { 0.0 };
+                }
+            }
+            let mut target = Matrix3x2::zeros();
+            for axis in 0..2 {
+                target[(0, axis)] = root * m.truth_mean[axis];
+                for i in 0..2 {
+                    target[(i + 1, axis)] = projected[(i, axis)];
+                }
+            }
+            let svd = r.svd(true, true);
+            let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+                // Both factors were asked for; without them nothing is explained.
+                return fitted(Matrix2::zeros(), Vector2::zeros(), left, m.frames, true);
+            };
+            let rcond = f64::from(f32::EPSILON) * m.frames.max(columns) as f64;
+            let bound = rcond * svd.singular_values.max();
+            let mut weights = Matrix3x2::zeros();
+            let mut squares = left;
+            let mut kept = 0;
+            for i in 0..3 {
+                let along = u.column(i).transpose() * target;
+                if svd.singular_values[i] > bound {
+                    kept += 1;
+                    weights += v_t.row(i).transpose() * along / svd.singular_values[i];
+                } else {
+                    for axis in 0..2 {
+                        squares[axis] += along[axis] * along[axis];
+                    }
+                }
+            }
+            let a = Matrix2::new(
+                weights[(1, 0)],
+                weights[(2, 0)],
+                weights[(1, 1)],
+                weights[(2, 1)],
+            );
+            let b = Vector2::new(weights[(0, 0)], weights[(0, 1)]);
+            fitted(a, b, squares, m.frames, kept < moving_axes + 1)
+        }
+    }
+}
+
+fn finite_root(widest: f64) -> f64 {
+    if widest.is_finite() { widest.sqrt() } else { 0.0 }
+}
+
+fn fitted(a: Matrix2<f64>, b: Vector2<f64>, squares: [f64; 2], frames: u64, direction_dropped: bool) -> Fit {
+    Fit {
+        map: AffineMap {
+            a: [[a[(0, 0)], a[(0, 1)]], [a[(1, 0)], a[(1, 1)]]],
+            b: [b[0], b[1]],
+        },
+        squares,
+        frames,
+        direction_dropped,
+    }
+}

@@ -1,0 +1,7 @@
+//! Results and figures, the same for the terminal and the page.
+
+mod evaluation;
+mod figure;
+
+pub use evaluation::{EvaluationReport, JoinReport, MapReport, ObjectReport, Unmatched};
+pub use figure::{Color, LineFigure, LineSeries, draw_lines, lines_to_svg};

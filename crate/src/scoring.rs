@@ -1,0 +1,114 @@
+//! Ground truth and keypoints, joined and scored: what the terminal and the page both do.
+
+use ndarray::{Array2, Array3, Axis};
+
+use crate::data::{Join, join};
+use crate::error::{Error, Result};
+use crate::metric::{Accumulator, Evaluation, Fit, Moments, NonFinite, Object, Settings};
+use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+
+/// A ground truth and keypoints with their join. The moments are taken once; scoring with other settings then
+/// does not look at the frames again.
+#[derive(Debug, Clone)]
+pub struct Scoring {
+    names: Vec<String>,
+    keys: Vec<FrameKey>,
+    keypoints: Array3<f64>,
+    truth_ndc: Array3<f64>,
+    join: Join,
+    moments: Moments,
+}
+
+/// One object and one keypoint over the joined frames, T x 2 each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// The object, ndc; NaN where it is not visible.
+    pub truth_ndc: Array2<f64>,
+    /// The keypoint as it is.
+    pub keypoint: Array2<f64>,
+    /// The keypoint under the fitted map, ndc.
+    pub transformed_ndc: Array2<f64>,
+}
+
+impl Scoring {
+    /// Joins `keypoints` to `truth` and takes the moments of the joined frames.
+    ///
+    /// # Errors
+    /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the message names
+    /// the frame.
+    pub fn new(truth: &GroundTruth, keypoints: &KeypointTrack, policy: NonFinite) -> Result<Self> {
+        let join = join(keypoints.keys(), truth.keys())?;
+        let (left, right): (Vec<usize>, Vec<usize>) = join.pairs.iter().copied().unzip();
+        let mut accumulator = Accumulator::new(keypoints.keypoints(), truth.names().len(), policy);
+        for (z, x) in &join.pairs {
+            accumulator
+                .push(keypoints.frame(*z), truth.frame(*x))
+                .map_err(|e| e.at(&keypoints.keys()[*z]))?;
+        }
+        Ok(Self {
+            names: truth.names().to_vec(),
+            keys: left.iter().map(|i| keypoints.keys()[*i].clone()).collect(),
+            keypoints: keypoints.points().select(Axis(0), &left),
+            truth_ndc: truth.points_ndc().select(Axis(0), &right),
+            join,
+            moments: accumulator.finish(),
+        })
+    }
+
+    /// The names of the objects.
+    pub fn objects(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The joined frames, in the order of the keypoints.
+    pub fn keys(&self) -> &[FrameKey] {
+        &self.keys
+    }
+
+    /// How frames found their rows.
+    pub fn join(&self) -> &Join {
+        &self.join
+    }
+
+    /// Scores with the given thresholds by object name; the others keep their default
+    /// ([`default_threshold`](crate::metric::default_threshold)).
+    ///
+    /// # Errors
+    /// When a threshold is for an object that is not there or is not positive; as [`Moments::evaluate`].
+    pub fn evaluate(&self, thresholds: &[(String, f64)], settings: &Settings) -> Result<Evaluation> {
+        let mut objects: Vec<Object> = self.names.iter().map(Object::with_default_threshold).collect();
+        for (name, threshold) in thresholds {
+            let Some(object) = objects.iter_mut().find(|o| o.name == *name) else {
+                return Err(Error::mismatch(format!(
+                    "a threshold is given for `{name}`; the ground truth has the objects {}",
+                    self.names.join(", ")
+                )));
+            };
+            object.threshold = *threshold;
+        }
+        self.moments.evaluate(&objects, settings)
+    }
+
+    /// The points of object `k` and keypoint `n` with the map that `settings` fit.
+    ///
+    /// # Errors
+    /// When there is no such object or keypoint, or the object is visible in no frame.
+    pub fn series(&self, k: usize, n: usize, settings: &Settings) -> Result<Series> {
+        let (objects, keypoints) = (self.names.len(), self.keypoints.dim().1);
+        if k >= objects || n >= keypoints {
+            return Err(Error::input(format!(
+                "there is no object {k} with keypoint {n}; expected objects below {objects}, keypoints below {keypoints}"
+            )));
+        }
+        let fit: Fit = self.moments.fit(n, k, settings).ok_or_else(|| {
+            Error::numeric(format!("object `{}` is visible in no frame: there is no map to it", self.names[k]))
+        })?;
+        let keypoint = self.keypoints.index_axis(Axis(1), n).to_owned();
+        let mut transformed_ndc = keypoint.clone();
+        for mut point in transformed_ndc.rows_mut() {
+            let mapped = fit.map.apply([point[0], point[1]]);
+            (point[0], point[1]) = (mapped[0], mapped[1]);
+        }
+        Ok(Series { truth_ndc: self.truth_ndc.index_axis(Axis(1), k).to_owned(), keypoint, transformed_ndc })
+    }
+}

@@ -1,0 +1,126 @@
+//! Points over time, and the spaces they live in.
+//!
+//! Everything is in *ndc* unless a name says otherwise: (x, y), x to the right, y down, -1 and +1 at the outer
+//! edges of the image. The centre of pixel `(col, row)` of a `W x H` image is at
+//! `x = (2 col + 1) / W - 1`, `y = (2 row + 1) / H - 1`.
+
+use ndarray::{Array3, ArrayView2, Axis};
+
+use crate::error::{Error, Result};
+
+/// Identifies a frame: the sequence it belongs to and its number there.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct FrameKey {
+    /// The name of the sequence, as the folder or the table gives it.
+    pub sequence: String,
+    /// The number of the frame in its sequence.
+    pub frame: u64,
+}
+
+impl std::fmt::Display for FrameKey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "sequence {}, frame {}", self.sequence, self.frame)
+    }
+}
+
+/// Keypoints `z_n` of a detector over time: T frames, N keypoints, (x, y).
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeypointTrack {
+    keys: Vec<FrameKey>,
+    points: Array3<f64>,
+}
+
+/// Ground-truth positions `x_k` of objects over time: T frames, K objects, (x, y) in ndc.
+///
+/// NaN means that the object is not visible in that frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroundTruth {
+    keys: Vec<FrameKey>,
+    names: Vec<String>,
+    points_ndc: Array3<f64>,
+}
+
+fn check_shape(what: &str, keys: &[FrameKey], points: &Array3<f64>) -> Result<()> {
+    let (t, _, two) = points.dim();
+    if two != 2 || t != keys.len() {
+        return Err(Error::input(format!(
+            "{what} has shape {:?} for {} frames; expected (frames, points, 2)",
+            points.shape(),
+            keys.len()
+        )));
+    }
+    Ok(())
+}
+
+impl KeypointTrack {
+    /// A track of `points` (T x N x 2, latent space or ndc), one row a key.
+    ///
+    /// # Errors
+    /// When the shape is not (number of keys, N, 2).
+    pub fn new(keys: Vec<FrameKey>, points: Array3<f64>) -> Result<Self> {
+        check_shape("a keypoint track", &keys, &points)?;
+        Ok(Self { keys, points })
+    }
+
+    /// The frames, in order.
+    pub fn keys(&self) -> &[FrameKey] {
+        &self.keys
+    }
+
+    /// T x N x 2.
+    pub fn points(&self) -> &Array3<f64> {
+        &self.points
+    }
+
+    /// The N x 2 points of frame `t`.
+    pub fn frame(&self, t: usize) -> ArrayView2<'_, f64> {
+        self.points.index_axis(Axis(0), t)
+    }
+
+    /// The number of keypoints N.
+    pub fn keypoints(&self) -> usize {
+        self.points.dim().1
+    }
+}
+
+impl GroundTruth {
+    /// A ground truth of `points_ndc` (T x K x 2), one row a key, one column a name.
+    ///
+    /// # Errors
+    /// When the shape is not (number of keys, number of names, 2).
+    pub fn new(keys: Vec<FrameKey>, names: Vec<String>, points_ndc: Array3<f64>) -> Result<Self> {
+        check_shape("a ground truth", &keys, &points_ndc)?;
+        if points_ndc.dim().1 != names.len() {
+            return Err(Error::input(format!(
+                "a ground truth of {} objects has {} names",
+                points_ndc.dim().1,
+                names.len()
+            )));
+        }
+        Ok(Self {
+            keys,
+            names,
+            points_ndc,
+        })
+    }
+
+    /// The frames, in order.
+    pub fn keys(&self) -> &[FrameKey] {
+        &self.keys
+    }
+
+    /// The names of the objects, in order.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// T x K x 2.
+    pub fn points_ndc(&self) -> &Array3<f64> {
+        &self.points_ndc
+    }
+
+    /// The K x 2 positions of frame `t`.
+    pub fn frame(&self, t: usize) -> ArrayView2<'_, f64> {
+        self.points_ndc.index_axis(Axis(0), t)
+    }
+}

@@ -1,0 +1,108 @@
+//! Keypoints from images in JavaScript.
+
+use std::collections::BTreeMap;
+
+use js_sys::Float64Array;
+use serde::Serialize;
+use wasm_bindgen::prelude::*;
+
+use super::{JsResult, js_error, to_js};
+use crate::checkpoint::Checkpoint;
+use crate::engine;
+use crate::error::Error;
+use crate::extract::{CpuExtractor, Extractor};
+
+/// The encoder of a checkpoint, on the CPU.
+#[wasm_bindgen]
+pub struct Encoder {
+    extractor: CpuExtractor<engine::Encoder>,
+    metadata: BTreeMap<String, String>,
+}
+
+/// One frame's keypoints.
+#[wasm_bindgen]
+pub struct Extraction {
+    points: Vec<f64>,
+    image_size: [u32; 2],
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct EncoderInfo<'a> {
+    architecture: String,
+    keypoints: usize,
+    input_size: Option<[usize; 2]>,
+    encoder_channels: [usize; 3],
+    metadata: &'a BTreeMap<String, String>,
+}
+
+#[wasm_bindgen]
+impl Encoder {
+    /// Reads a `.safetensors` checkpoint.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::from_safetensors`].
+    #[wasm_bindgen(constructor)]
+    pub fn new(bytes: &[u8], name: &str) -> JsResult<Encoder> {
+        let load = || {
+            let checkpoint = Checkpoint::from_safetensors(bytes)?;
+            let extractor = CpuExtractor::from_checkpoint(&checkpoint)?;
+            Ok(Self { extractor, metadata: checkpoint.metadata })
+        };
+        load().map_err(|e: Error| js_error(&e.at(name)))
+    }
+
+    /// What the checkpoint holds.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn info(&self) -> JsResult<JsValue> {
+        let config = self.extractor.encoder().config();
+        to_js(&EncoderInfo {
+            architecture: config.architecture.to_string(),
+            keypoints: config.keypoints,
+            input_size: config.input_size,
+            encoder_channels: config.encoder_channels,
+            metadata: &self.metadata,
+        })
+    }
+
+    /// Decodes an image and extracts its keypoints.
+    ///
+    /// # Errors
+    /// When the image cannot be decoded.
+    pub fn extract(&mut self, image: &[u8], name: &str) -> JsResult<Extraction> {
+        let found = self.extractor.extract(image).map_err(|e| js_error(&e.at(name)))?;
+        let points = found.points.iter().flatten().map(|v| f64::from(*v)).collect();
+        Ok(Extraction { points, image_size: found.image_size })
+    }
+
+    /// Places latent points in an image.
+    #[wasm_bindgen(js_name = toImage)]
+    pub fn to_image(&self, points: &[f64], width: u32, height: u32) -> Vec<f64> {
+        let grid = self.extractor.grid([width, height]);
+        points.chunks_exact(2).flat_map(|p| grid.to_image([p[0], p[1]])).collect()
+    }
+}
+
+#[wasm_bindgen]
+impl Extraction {
+    /// N x 2, latent space.
+    #[wasm_bindgen(getter)]
+    pub fn points(&self) -> Float64Array {
+        Float64Array::from(&self.points[..])
+    }
+
+    /// Width of the image.
+    #[wasm_bindgen(getter)]
+    pub fn width(&self) -> u32 {
+        self.image_size[0]
+    }
+
+    /// Height of the image.
+    #[wasm_bindgen(getter)]
+    pub fn height(&self) -> u32 {
+        self.image_size[1]
+    }
+}

@@ -1,0 +1,35 @@
+//! Figures in JavaScript.
+
+use plotters::drawing::IntoDrawingArea;
+use plotters_canvas::CanvasBackend;
+use wasm_bindgen::prelude::*;
+use web_sys::HtmlCanvasElement;
+
+use super::{JsResult, js_error};
+use crate::error::Error;
+use crate::report::{self, LineFigure};
+
+fn figure_from_js(figure: JsValue) -> JsResult<LineFigure> {
+    serde_wasm_bindgen::from_value(figure).map_err(|e| js_error(&Error::input(format!("the figure: {e}"))))
+}
+
+/// Draws a figure over the whole of a canvas.
+///
+/// # Errors
+/// When the figure is not understood or the canvas has no 2D context.
+#[wasm_bindgen(js_name = drawLines)]
+pub fn draw_lines(canvas: HtmlCanvasElement, figure: JsValue) -> JsResult<()> {
+    let figure = figure_from_js(figure)?;
+    let backend = CanvasBackend::with_canvas_object(canvas)
+        .ok_or_else(|| js_error(&Error::input("the canvas has no 2D context; is it used for WebGL?")))?;
+    report::draw_lines(&backend.into_drawing_area(), &figure).map_err(|e| js_error(&e))
+}
+
+/// The same figure as an SVG document.
+///
+/// # Errors
+/// When the figure is not understood.
+#[wasm_bindgen(js_name = linesToSvg)]
+pub fn lines_to_svg(figure: JsValue, width: u32, height: u32) -> JsResult<String> {
+    report::lines_to_svg(&figure_from_js(figure)?, width, height).map_err(|e| js_error(&e))
+}

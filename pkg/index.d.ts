@@ -1,0 +1,248 @@
+/**
+ * tracklens in JavaScript: parse tables, extract keypoints from encoded images, score them.
+ *
+ * All points are (x, y). Space `ndc`: x to the right, y down, -1 and +1 at the outer edges of the image.
+ * Keypoints of an encoder are in its latent space (+-1 at the centres of the border cells of its last feature
+ * map), which {@link Encoder.toImage} places in the image. Every call that takes user data throws an `Error`
+ * whose message says what was wrong, where and what to do; `error.kind` is one of
+ * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`.
+ *
+ * Objects of the classes live in WebAssembly memory: call `free()` when done with large ones.
+ */
+
+/** Loads the module once; later calls return the same promise. In Node.js no argument is needed. */
+export default function init(module?: BufferSource | URL | string | Response): Promise<void>;
+
+/** The version of the package. */
+export function version(): string;
+
+/** What a file is taken for, with the reason in words. */
+export interface Classification {
+  role: "image" | "ground-truth" | "keypoints" | "checkpoint" | "unknown";
+  reason: string;
+}
+
+/**
+ * Guesses a file's role from its path and its first bytes (4 kB are enough).
+ * Never throws; what is not recognised is `unknown` with the reason.
+ */
+export function classify(path: string, head: Uint8Array): Classification;
+
+/** A run of consecutive frames in the order of the object that reports it. */
+export interface SequenceRange {
+  name: string;
+  start: number;
+  length: number;
+}
+
+/** Ground truth: table `sequence,frame,object,x,y` (tidy CSV, ndc; empty x and y = not visible). */
+export class GroundTruthTable {
+  private constructor();
+  static parse(bytes: Uint8Array, name: string): GroundTruthTable;
+  readonly name: string;
+  readonly objects: string[];
+  readonly frames: number;
+  readonly sequences: number;
+  /** What a person should know of how the table was read, e.g. a semicolon as separator. */
+  readonly notices: string[];
+  free(): void;
+}
+
+/** Keypoints over frames: table `sequence,frame,keypoint,x,y`, or what an {@link Encoder} extracted. */
+export class KeypointTable {
+  private constructor();
+  static parse(bytes: Uint8Array, name: string): KeypointTable;
+  /**
+   * The keypoints of all `frames`, extracted in their order: `points` holds frames x keypoints x 2 numbers.
+   */
+  static fromExtraction(frames: FrameIndex, points: Float64Array, keypoints: number): KeypointTable;
+  readonly name: string;
+  readonly keypoints: number;
+  readonly frames: number;
+  readonly notices: string[];
+  /** The table as CSV, as `tracklens extract` writes it. */
+  toCsv(): string;
+  free(): void;
+}
+
+/**
+ * The frames among dropped files: images by path, one folder a sequence, in natural order
+ * (`frame_2` before `frame_10`). Throws when there is no image among the paths.
+ */
+export class FrameIndex {
+  constructor(paths: string[]);
+  /** The number of frames. */
+  readonly length: number;
+  readonly sequences: SequenceRange[];
+  /** For each frame in order, its position in the `paths` given. */
+  readonly order: Uint32Array;
+  /**
+   * Only the frames at `positions` (ascending, in the order of this index), with the same sequences and frame
+   * numbers; `order` still refers to the same paths. For leaving out frames that cannot be decoded.
+   */
+  select(positions: Uint32Array): FrameIndex;
+  /** Paths that are no images. */
+  readonly ignored: string[];
+  free(): void;
+}
+
+/** How frames found their rows. */
+export interface JoinReport {
+  matched: number;
+  /** How sequences and frames were matched, in words. */
+  rules: string[];
+  /** Frames without a row of ground truth: how many, and the first ones by name. */
+  unmatchedFrames: { count: number; first: string[] };
+  /** Frames of the ground truth for which there is no image or keypoint: how many, and the first ones. */
+  unmatchedRows: { count: number; first: string[] };
+}
+
+/** Joins frames to the rows of a ground truth without scoring. Throws when nothing matches. */
+export function joinFrames(frames: FrameIndex, truth: GroundTruthTable): JoinReport;
+
+/** What a checkpoint holds. */
+export interface EncoderInfo {
+  /** E.g. `basic-vel-std-bg`. */
+  architecture: string;
+  keypoints: number;
+  /** Width and height frames are resized to, or `null`: taken as they are. */
+  inputSize: [number, number] | null;
+  encoderChannels: number[];
+  /** The free-form metadata of the file. */
+  metadata: Record<string, string>;
+}
+
+/** One frame's keypoints. */
+export interface Extraction {
+  /** N x 2, latent space. */
+  points: Float64Array;
+  /** Size of the image. */
+  width: number;
+  height: number;
+}
+
+/** The encoder of a `.safetensors` checkpoint, on the CPU. */
+export class Encoder {
+  constructor(bytes: Uint8Array, name: string);
+  readonly info: EncoderInfo;
+  /** Decodes a PNG, JPEG or WebP image and extracts its keypoints. */
+  extract(image: Uint8Array, name: string): Extraction;
+  /** Places latent points (any number x 2) of a `width` x `height` image in the image (ndc). */
+  toImage(points: Float64Array, width: number, height: number): Float64Array;
+  free(): void;
+}
+
+/** How to score. Thresholds belong to the mean squared distance in ndc. */
+export interface ScoreOptions {
+  /** Default `affine`. */
+  transform?: "identity" | "scale-translate" | "affine";
+  /** Default `reference`. */
+  rank?: "reference" | "centred";
+  /** By object name; objects left out keep their default (cube 0.015, target 0.015, eef 0.1, others 0.015). */
+  thresholds?: Record<string, number>;
+  /** Width and height of the images, for errors in pixels. */
+  imageSize?: [number, number];
+}
+
+/** One object of an {@link Evaluation}. Fields are `null` when the object is visible in no frame. */
+export interface ObjectEvaluation {
+  name: string;
+  threshold: number;
+  tracked: boolean;
+  best_keypoint: number | null;
+  /** The tracking error e: mean over time of the squared distance. */
+  error: number | null;
+  error_sum: number | null;
+  rmse: number | null;
+  /** Present when the image size is known. */
+  rmse_px?: number | null;
+  /** Frames in which the object is visible. */
+  frames: number;
+  /** Of these, frames in which it lies outside the image. */
+  outside: number;
+  /** truth = a z + b on column vectors (x, y). */
+  map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
+}
+
+/** The result, as `tracklens score --json` prints it. */
+export interface Evaluation {
+  schema: "tracklens/evaluation/1";
+  version: string;
+  tc: number;
+  frames: number;
+  /** Frames left out because a keypoint was not finite. */
+  excluded: number;
+  transform: "identity" | "scale-translate" | "affine";
+  rank: "reference" | "centred";
+  /** How fitting and scoring frames relate; always the same frames for now, as in the authors' code. */
+  protocol: "fit-and-score-same-frames";
+  objects: ObjectEvaluation[];
+  /** Per object, the error of every keypoint. */
+  errors: (number | null)[][];
+  warnings: string[];
+}
+
+/** Points over the joined frames, T x 2 each; NaN where the object is not visible. */
+export interface Series {
+  truth: Float64Array;
+  /** The keypoint as it is (latent space). */
+  keypoint: Float64Array;
+  /** The keypoint under the fitted map (ndc). */
+  transformed: Float64Array;
+}
+
+/** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
+export class Scoring {
+  /** @param onNonFinite what to do with frames in which a keypoint is not finite; default `error`. */
+  constructor(
+    truth: GroundTruthTable,
+    keypoints: KeypointTable,
+    onNonFinite?: "error" | "exclude-frame",
+  );
+  readonly join: JoinReport;
+  /** The number of joined frames T. */
+  readonly frames: number;
+  readonly objects: string[];
+  /** The joined frames by sequence, in order. */
+  readonly sequences: SequenceRange[];
+  /** For each joined frame its frame number in its sequence. */
+  readonly frameNumbers: Float64Array;
+  /** For each joined frame the position of its image in `frames`, or -1. */
+  imagesFrom(frames: FrameIndex): Int32Array;
+  evaluate(options?: ScoreOptions): Evaluation;
+  /** The points of object `object` and keypoint `keypoint` under the map of `options`. */
+  series(object: number, keypoint: number, options?: ScoreOptions): Series;
+  free(): void;
+}
+
+/** A line over frames. */
+export interface LineSeries {
+  label: string;
+  /** CSS hex colour, `#rrggbb`. */
+  color: string;
+  /** One value a frame; NaN leaves a gap. */
+  values: Float64Array;
+}
+
+/** A line figure of values over frames, drawn by plotters. */
+export interface LineFigure {
+  title: string;
+  xLabel: string;
+  yLabel: string;
+  /** Frame number of the first value. */
+  start: number;
+  series: LineSeries[];
+  /** Position (index into the values) of a vertical marker, or `null`. */
+  cursor: number | null;
+  /** CSS hex colours. */
+  foreground: string;
+  background: string;
+  grid: string;
+  /** Height of the text in canvas pixels. */
+  fontSize: number;
+}
+
+/** Draws a figure over the whole of a canvas (browser only). */
+export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): void;
+/** The same figure as an SVG document. */
+export function linesToSvg(figure: LineFigure, width: number, height: number): string;

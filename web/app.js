@@ -1,0 +1,92 @@
+// @ts-check
+/** The application: one session, its views, and what the user does to the whole page. */
+
+import { version } from "./pkg/index.js";
+import { announce, byId } from "./dom.js";
+import { fetchExample } from "./example.js";
+import { showExtraction } from "./extraction-view.js";
+import { workerExtractor } from "./extractor.js";
+import { showFiles } from "./files-view.js";
+import { fromDrop, fromInput } from "./files.js";
+import { showResults } from "./results.js";
+import { Session } from "./session.js";
+import { showViewer } from "./viewer.js";
+
+/** Starts the page; the package is loaded. */
+export function start() {
+  const session = new Session(workerExtractor);
+  showFiles(session);
+  showExtraction(session);
+  showResults(session);
+  showViewer(session);
+  takeFiles(session);
+  showState(session);
+  byId("version").textContent = `tracklens ${version()}`;
+}
+
+/** @param {Session} session */
+function takeFiles(session) {
+  for (const [button, input] of [
+    ["choose-files", "input-files"],
+    ["choose-folder", "input-folder"],
+  ]) {
+    /** @type {HTMLInputElement} */
+    const picker = byId(input);
+    byId(button).addEventListener("click", () => picker.click());
+    picker.addEventListener("change", () => {
+      void session.add(fromInput(picker));
+      // The same files can be picked again.
+      picker.value = "";
+    });
+  }
+  byId("try-example").addEventListener("click", () => void session.open(fetchExample));
+  byId("start-over").addEventListener("click", () => {
+    session.clear();
+    announce("Everything was removed.");
+    byId("choose-folder").focus();
+  });
+  for (const id of ["choose-files", "choose-folder", "try-example"]) {
+    /** @type {HTMLButtonElement} */ (byId(id)).disabled = false;
+  }
+
+  const overlay = byId("overlay");
+  // Entering a child fires before leaving its parent, so it takes a count to know that the page was left.
+  let depth = 0;
+  const isFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
+  const over = (/** @type {number} */ next) => {
+    depth = Math.max(0, next);
+    overlay.hidden = depth === 0;
+  };
+  window.addEventListener("dragenter", (event) => isFiles(event) && over(depth + 1));
+  window.addEventListener("dragleave", (event) => isFiles(event) && over(depth - 1));
+  window.addEventListener("drop", async (event) => {
+    over(0);
+    if (event.dataTransfer && isFiles(event)) void session.add(await fromDrop(event.dataTransfer));
+  });
+}
+
+/**
+ * What the layout depends on, as `data-state` of the main element: `empty`, `waiting` (for files or the user),
+ * `reading`, `extracting`, `scored`.
+ * @param {Session} session
+ */
+function showState(session) {
+  const main = byId("main");
+  const update = () => {
+    const taken = session.entries.length > 0 || session.images.size > 0;
+    const before = main.dataset.state;
+    let state = taken ? "waiting" : "empty";
+    if (session.evaluation) state = "scored";
+    if (session.extraction?.status === "running") state = "extracting";
+    if (session.reading) state = "reading";
+    if (state === before) return;
+    main.dataset.state = state;
+    byId("start-over").hidden = state === "empty";
+    byId("workspace").hidden = state === "empty";
+    if (state === "empty") announce("");
+  };
+  for (const topic of ["files", "reading", "extraction", "scoring", "evaluation"]) {
+    session.addEventListener(topic, update);
+  }
+  update();
+}

@@ -1,0 +1,757 @@
+// @ts-check
+/**
+ * What the page knows: the files taken, and everything that follows from them. The views read it and listen to
+ * its events: `files`, `extraction`, `scoring` (another set of joined points), `evaluation` (other options over the
+ * same points) and `selection`.
+ */
+
+import { Encoder, FrameIndex, GroundTruthTable, KeypointTable, Scoring, classify, joinFrames } from "./pkg/index.js";
+import { Extraction } from "./extraction.js";
+import { mapBounded } from "./files.js";
+import { count, names } from "./format.js";
+
+/**
+ * @typedef {import("./files.js").Source} Source
+ * @typedef {import("./pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("./pkg/index.js").JoinReport} JoinReport
+ * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
+ * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
+ * @typedef {import("./pkg/index.js").Series} Series
+ * @typedef {"ground-truth" | "checkpoint" | "keypoints"} Slot what of each there is used one
+ *
+ * A file that is no image.
+ * @typedef {object} Entry
+ * @property {string} path
+ * @property {Blob} blob
+ * @property {Slot | "unknown"} role
+ * @property {string} reason why it was taken for that
+ * @property {"used" | "spare" | "broken" | "unknown"} state
+ * @property {GroundTruthTable | Encoder | KeypointTable | null} content
+ * @property {string} error why it is broken
+ * @property {string[]} notices
+ * @property {Extraction | null} extraction of a checkpoint
+ *
+ * Something the user should know, with the remedy where the page has one.
+ * @typedef {object} Problem
+ * @property {"error" | "warning"} kind
+ * @property {string} text
+ * @property {{ label: string, run: () => void }} [action]
+ */
+
+const READERS = 8;
+/** Enough to tell what a file is. */
+const HEAD_BYTES = 4096;
+
+/** @type {Record<Slot, (bytes: Uint8Array, path: string) => GroundTruthTable | Encoder | KeypointTable>} */
+const PARSERS = {
+  "ground-truth": (bytes, path) => GroundTruthTable.parse(bytes, path),
+  checkpoint: (bytes, path) => new Encoder(bytes, path),
+  keypoints: (bytes, path) => KeypointTable.parse(bytes, path),
+};
+
+/** @type {[Slot, string][]} */
+const SLOTS = [
+  ["ground-truth", "ground-truth files"],
+  ["checkpoint", "checkpoints"],
+  ["keypoints", "keypoint tables"],
+];
+
+export class Session extends EventTarget {
+  /** Files under way from the disk or the server. @type {{ what: string, done: number, total: number } | null} */
+  reading = null;
+  /** @type {Entry[]} */
+  entries = [];
+  /** Images by path. @type {Map<string, Blob>} */
+  images = new Map();
+  /** @type {Map<string, Problem>} */
+  problems = new Map();
+  /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
+  origin = null;
+
+  /** Over all images. @type {FrameIndex | null} */
+  frames = null;
+  /** The images in the order of `frames`. @type {Source[]} */
+  frameSources = [];
+  /** @type {JoinReport | null} */
+  join = null;
+
+  /** The keypoints that are scored. @type {KeypointTable | null} */
+  table = null;
+  /** @type {Scoring | null} */
+  scoring = null;
+  /** @type {Evaluation | null} */
+  evaluation = null;
+  /** Thresholds nobody edited, by object. @type {Record<string, number>} */
+  defaultThresholds = {};
+  /** @type {ScoreOptions} */
+  options = { transform: "affine", rank: "reference", thresholds: {} };
+  /** Of the joined frames. @type {string[]} */
+  objects = [];
+  /** The joined frames by sequence. @type {SequenceRange[]} */
+  sequences = [];
+  /** For each joined frame its number in its sequence. @type {Float64Array} */
+  frameNumbers = new Float64Array();
+  /** Object and joined frame on display. */
+  selection = { object: 0, frame: 0 };
+
+  #extractor;
+  /** Changes are made one after the other. @type {Promise<void>} */
+  #queue = Promise.resolve();
+  /** Tells a change that everything was cleared while it waited. */
+  #generation = 0;
+  /** The user stopped the extraction: it goes on when asked to. */
+  #paused = false;
+  #excludeNonFinite = false;
+  /** Choices between files that the user has seen and put away, by text. @type {Set<string>} */
+  #dismissed = new Set();
+  /** What was made from the files and is made anew when they change. @type {{ free(): void }[]} */
+  #derived = [];
+  /** For each joined frame its image. @type {(Source | null)[]} */
+  #pictures = [];
+  /** Width and height by joined frame, or one for all; empty: not known. @type {[number, number][]} */
+  #sizes = [];
+  /** @type {Map<string, Series>} */
+  #series = new Map();
+
+  /** @param {import("./extractor.js").Extractor} extractor */
+  constructor(extractor) {
+    super();
+    this.#extractor = extractor;
+  }
+
+  // Files
+
+  /**
+   * Takes files: says what each is, parses it, and goes on with what is there then.
+   * @param {Source[]} sources
+   */
+  add(sources) {
+    return this.#change(async (alive) => {
+      if (sources.length === 0) {
+        this.#report("nothing", "error", "There was no file in what was dropped.");
+        return;
+      }
+      this.problems.delete("nothing");
+      let done = 0;
+      const read = await mapBounded(sources, READERS, async (source) => {
+        const entry = alive() ? await this.#identify(source) : null;
+        this.#read("Reading", ++done, sources.length);
+        return entry;
+      });
+      if (!alive()) return;
+      this.reading = null;
+      let images = 0;
+      for (const [i, entry] of read.entries()) {
+        if (entry) this.#take(entry);
+        else {
+          images++;
+          this.#takeImage(sources[i]);
+        }
+      }
+      if (images === 0 && read.every((entry) => entry?.role === "unknown")) {
+        const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
+        this.#report(
+          "nothing",
+          "error",
+          `${what}${sources.length === 1 ? " not" : ""} an image, a table or a checkpoint. Expected PNG, JPEG or WebP ` +
+            "images, a CSV table of object positions or keypoints, or a .safetensors checkpoint.",
+        );
+      }
+    });
+  }
+
+  /**
+   * Replaces everything by files that are still to be fetched.
+   * @param {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title: string, note?: string },
+   *   sources: Source[] }>} fetchSources
+   */
+  async open(fetchSources) {
+    this.clear();
+    const generation = this.#generation;
+    try {
+      const { manifest, sources } = await fetchSources((done, total) => {
+        if (generation === this.#generation) this.#read("Fetching", done, total);
+      });
+      if (generation !== this.#generation) return;
+      this.origin = manifest;
+      await this.add(sources);
+    } catch (error) {
+      if (generation !== this.#generation) return;
+      this.reading = null;
+      this.#report("fetch", "error", messageOf(error));
+      this.#emit("files");
+    }
+  }
+
+  /**
+   * Uses this file in place of the other one of its kind.
+   * @param {Entry} entry
+   */
+  use(entry) {
+    return this.#change(async () => {
+      for (const other of this.entries) {
+        if (other.role === entry.role && other.state === "used") other.state = "spare";
+      }
+      entry.state = "used";
+    });
+  }
+
+  /** @param {Entry} entry */
+  remove(entry) {
+    return this.#change(async () => this.#drop(entry));
+  }
+
+  /** Removes files that are not known for anything. */
+  removeUnknown() {
+    return this.#change(async () => {
+      for (const entry of this.entries.filter(({ role }) => role === "unknown")) this.#drop(entry);
+    });
+  }
+
+  removeImages() {
+    return this.#change(async () => {
+      this.images.clear();
+      for (const { extraction } of this.entries) {
+        extraction?.extracted.clear();
+        extraction?.failures.clear();
+      }
+    });
+  }
+
+  /** Back to the state of a fresh page. */
+  clear() {
+    this.#generation++;
+    this.extraction?.stop("idle");
+    this.#release();
+    for (const entry of this.entries) entry.content?.free();
+    this.frames?.free();
+    this.reading = null;
+    this.entries = [];
+    this.images = new Map();
+    this.problems = new Map();
+    this.origin = null;
+    this.frames = null;
+    this.frameSources = [];
+    this.join = null;
+    this.options = { transform: "affine", rank: "reference", thresholds: {} };
+    this.#paused = false;
+    this.#excludeNonFinite = false;
+    this.#dismissed.clear();
+    for (const topic of ["files", "extraction", "scoring"]) this.#emit(topic);
+  }
+
+  /**
+   * Puts a problem away.
+   * @param {string} key
+   */
+  dismiss(key) {
+    const problem = this.problems.get(key);
+    if (problem) this.#dismissed.add(problem.text);
+    this.problems.delete(key);
+    this.#emit("files");
+  }
+
+  /**
+   * The file that is used as this.
+   * @param {Slot} role
+   */
+  used(role) {
+    return this.entries.find((entry) => entry.role === role && entry.state === "used") ?? null;
+  }
+
+  /** @returns {GroundTruthTable | null} */
+  get truth() {
+    return /** @type {GroundTruthTable | null} */ (this.used("ground-truth")?.content ?? null);
+  }
+
+  /** @returns {Encoder | null} */
+  get encoder() {
+    return /** @type {Encoder | null} */ (this.used("checkpoint")?.content ?? null);
+  }
+
+  /**
+   * What a score needs, and whether it is there.
+   * @returns {{ label: string, met: boolean }[]}
+   */
+  get needs() {
+    const truth = { label: "ground truth", met: this.truth !== null };
+    if (this.used("keypoints")) return [{ label: "keypoints", met: true }, truth];
+    const images = { label: "image sequences", met: this.frames !== null };
+    const checkpoint = { label: "checkpoint (or keypoints)", met: this.encoder !== null };
+    return [images, truth, checkpoint];
+  }
+
+  // Extraction
+
+  /** The extraction with the checkpoint in use, when its keypoints are the ones wanted. */
+  get extraction() {
+    return this.used("keypoints") ? null : (this.used("checkpoint")?.extraction ?? null);
+  }
+
+  /** Starts the extraction, or goes on with it. */
+  extract() {
+    this.#paused = false;
+    return this.#run();
+  }
+
+  /** Stops the extraction at once; the frames done are kept. */
+  cancel() {
+    this.#paused = true;
+    this.extraction?.stop("cancelled");
+    this.#emit("extraction");
+  }
+
+  // Scoring
+
+  /** @param {Partial<Pick<ScoreOptions, "transform" | "rank">>} options */
+  setOptions(options) {
+    Object.assign(this.options, options);
+    this.#evaluate();
+  }
+
+  /**
+   * @param {string} object
+   * @param {number | null} threshold `null` for the default
+   */
+  setThreshold(object, threshold) {
+    const thresholds = { ...this.options.thresholds };
+    if (threshold === null) delete thresholds[object];
+    else thresholds[object] = threshold;
+    this.options.thresholds = thresholds;
+    this.#evaluate();
+  }
+
+  /** @param {Partial<{ object: number, frame: number }>} selection */
+  select(selection) {
+    const next = { ...this.selection, ...selection };
+    if (next.object === this.selection.object && next.frame === this.selection.frame) return;
+    this.selection = next;
+    this.#emit("selection");
+  }
+
+  /** Width and height of the images, when it is known and the same for all. */
+  get imageSize() {
+    return this.#sizes.length === 1 ? this.#sizes[0] : null;
+  }
+
+  /** Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken as ndc. */
+  get placesKeypoints() {
+    return this.encoder !== null && this.#sizes.length > 0;
+  }
+
+  /**
+   * The image of a joined frame.
+   * @param {number} frame
+   */
+  picture(frame) {
+    return this.#pictures[frame] ?? null;
+  }
+
+  /** Whether any joined frame has an image. */
+  get hasPictures() {
+    return this.#pictures.some((picture) => picture !== null);
+  }
+
+  /**
+   * The sequence a joined frame belongs to.
+   * @param {number} frame
+   * @returns {SequenceRange | null}
+   */
+  sequenceOf(frame) {
+    return this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null;
+  }
+
+  /**
+   * The points of an object and its best keypoint, all in ndc; `null` when it has none.
+   * @param {number} object
+   */
+  series(object) {
+    const keypoint = this.evaluation?.objects[object]?.best_keypoint;
+    if (!this.scoring || keypoint === null || keypoint === undefined) return null;
+    const key = `${object} ${keypoint}`;
+    let series = this.#series.get(key);
+    if (!series) {
+      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, this.#scoreOptions());
+      series = { truth, keypoint: this.#place(raw), transformed };
+      this.#series.set(key, series);
+    }
+    return series;
+  }
+
+  // What follows from what
+
+  /**
+   * Makes a change after those under way, and what follows from it.
+   * @param {(alive: () => boolean) => Promise<void>} change
+   */
+  #change(change) {
+    const generation = this.#generation;
+    const alive = () => generation === this.#generation;
+    const made = this.#queue.then(async () => {
+      if (!alive()) return;
+      try {
+        await change(alive);
+        if (alive()) await this.#settle(alive);
+      } catch (error) {
+        if (alive()) this.#report("unexpected", "error", messageOf(error));
+      }
+      if (!alive()) return;
+      this.reading = null;
+      this.#emit("files");
+    });
+    this.#queue = made;
+    return made;
+  }
+
+  /**
+   * What a file is, parsed; `null` for an image.
+   * @param {Source} source
+   * @returns {Promise<Entry | null>}
+   */
+  async #identify({ path, blob }) {
+    /** @type {Entry} */
+    const entry = {
+      path,
+      blob,
+      role: "unknown",
+      reason: "",
+      state: "unknown",
+      content: null,
+      error: "",
+      notices: [],
+      extraction: null,
+    };
+    try {
+      const head = new Uint8Array(await blob.slice(0, HEAD_BYTES).arrayBuffer());
+      const { role, reason } = classify(path, head);
+      if (role === "image") return null;
+      entry.role = role;
+      entry.reason = reason;
+      if (role === "unknown") return entry;
+      entry.content = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path);
+      entry.state = "spare";
+      if (entry.content instanceof Encoder) entry.extraction = new Extraction(this.#extractor, { path, blob });
+      else entry.notices.push(...entry.content.notices);
+    } catch (error) {
+      entry.state = "broken";
+      entry.error =
+        error instanceof DOMException
+          ? `${path} cannot be read: it was changed or removed, or may not be read. Drop it again.`
+          : messageOf(error);
+    }
+    return entry;
+  }
+
+  /** @param {Entry} entry */
+  #take(entry) {
+    const at = this.entries.findIndex(({ path }) => path === entry.path);
+    if (at < 0) {
+      this.entries.push(entry);
+      return;
+    }
+    const before = this.entries[at];
+    if (before.state === "used" && entry.content) entry.state = "used";
+    entry.notices.unshift("replaces the file of the same path from before");
+    before.extraction?.stop("idle");
+    before.content?.free();
+    this.entries[at] = entry;
+  }
+
+  /** @param {Source} source */
+  #takeImage({ path, blob }) {
+    this.images.set(path, blob);
+    for (const { extraction } of this.entries) extraction?.forget(path);
+  }
+
+  /** @param {Entry} entry */
+  #drop(entry) {
+    entry.extraction?.stop("idle");
+    this.entries = this.entries.filter((other) => other !== entry);
+    this.#release();
+    entry.content?.free();
+    entry.content = null;
+  }
+
+  /** @param {() => boolean} alive */
+  async #settle(alive) {
+    for (const { extraction } of this.entries) extraction?.stop("idle");
+    for (const key of [...this.problems.keys()]) if (key !== "nothing") this.problems.delete(key);
+    this.#indexFrames();
+    for (const [role, many] of SLOTS) this.#assign(role, many);
+    this.#joinFrames();
+    this.#emit("files");
+    await this.#advance(alive);
+  }
+
+  #indexFrames() {
+    this.frames?.free();
+    const paths = [...this.images.keys()];
+    this.frames = paths.length > 0 ? new FrameIndex(paths) : null;
+    this.frameSources = this.#ordered(this.frames, paths);
+  }
+
+  /**
+   * Decides which file of a kind is used: the one the user said, or the first.
+   * @param {Slot} role
+   * @param {string} many
+   */
+  #assign(role, many) {
+    const candidates = this.entries.filter((entry) => entry.role === role && entry.content);
+    if (candidates.length === 0) return;
+    const used = candidates.find(({ state }) => state === "used") ?? candidates[0];
+    used.state = "used";
+    const spare = candidates.find((entry) => entry !== used);
+    if (!spare) return;
+    const all = names(candidates.map(({ path }) => path));
+    const text = `There are ${candidates.length} ${many}: ${all}. Only one can be used: ${used.path} is.`;
+    if (this.#dismissed.has(text)) return;
+    const action = { label: `Use ${spare.path} instead`, run: () => void this.use(spare) };
+    this.#report(`several-${role}`, "warning", text, action);
+  }
+
+  #joinFrames() {
+    this.join = null;
+    if (!this.frames || !this.truth || this.used("keypoints")) return;
+    try {
+      this.join = joinFrames(this.frames, this.truth);
+    } catch (error) {
+      this.#report("join", "error", messageOf(error));
+    }
+  }
+
+  /**
+   * From keypoints to a score, or to the extraction that is needed first.
+   * @param {() => boolean} alive
+   */
+  async #advance(alive) {
+    this.#release();
+    const index = this.#keypoints();
+    if (this.table && this.truth) await this.#score(index, alive);
+    if (!alive()) return;
+    this.#emit("scoring");
+    this.#emit("extraction");
+    if (!this.table && this.join && !this.#paused && this.extraction?.status !== "failed") void this.#run();
+  }
+
+  /**
+   * Sets the table of keypoints, if they are there, and returns the images they belong to.
+   * @returns {{ frames: FrameIndex, sources: Source[] } | null}
+   */
+  #keypoints() {
+    const given = this.used("keypoints");
+    const all = this.frames ? { frames: this.frames, sources: this.frameSources } : null;
+    if (given) {
+      this.table = /** @type {KeypointTable} */ (given.content);
+      return all;
+    }
+    const { extraction, encoder } = this;
+    if (!all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
+    const good = this.frameSources.filter(({ path }) => extraction.extracted.has(path));
+    if (good.length === 0) {
+      const [first] = extraction.failures.values();
+      this.#report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
+      return null;
+    }
+    let kept = all;
+    if (good.length < all.sources.length) {
+      const paths = good.map(({ path }) => path);
+      const frames = new FrameIndex(paths);
+      this.#derived.push(frames);
+      kept = { frames, sources: this.#ordered(frames, paths) };
+    }
+    const keypoints = encoder.info.keypoints;
+    const points = new Float64Array(kept.sources.length * keypoints * 2);
+    for (const [i, { path }] of kept.sources.entries()) {
+      points.set(extraction.extracted.get(path)?.points ?? [], i * keypoints * 2);
+    }
+    this.table = KeypointTable.fromExtraction(kept.frames, points, keypoints);
+    this.#derived.push(this.table);
+    return kept;
+  }
+
+  /**
+   * @param {{ frames: FrameIndex, sources: Source[] } | null} index
+   * @param {() => boolean} alive
+   */
+  async #score(index, alive) {
+    const { truth, table } = this;
+    if (!truth || !table) return;
+    try {
+      this.scoring = new Scoring(truth, table, this.#excludeNonFinite ? "exclude-frame" : "error");
+    } catch (error) {
+      const leaveOut = {
+        label: "Leave these frames out",
+        run: () => {
+          this.#excludeNonFinite = true;
+          void this.#change(async () => {});
+        },
+      };
+      this.#report("scoring", "error", messageOf(error), kindOf(error) === "numeric" ? leaveOut : undefined);
+      return;
+    }
+    this.#derived.push(this.scoring);
+    this.join = this.scoring.join;
+    this.objects = this.scoring.objects;
+    this.sequences = this.scoring.sequences;
+    this.frameNumbers = this.scoring.frameNumbers;
+    if (index) {
+      const positions = Array.from(this.scoring.imagesFrom(index.frames));
+      this.#pictures = positions.map((position) => (position < 0 ? null : index.sources[position]));
+    }
+    this.#sizes = await this.#measure();
+    if (!alive()) return;
+    this.selection = {
+      object: Math.min(this.selection.object, this.objects.length - 1),
+      frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
+    };
+    this.#evaluate();
+  }
+
+  /**
+   * The sizes of the joined images: from the extraction, otherwise from the first image.
+   * @returns {Promise<[number, number][]>}
+   */
+  async #measure() {
+    const extracted = this.extraction?.extracted;
+    if (extracted) {
+      /** @type {[number, number][]} */
+      const sizes = this.#pictures.map((picture) => {
+        const { width = 0, height = 0 } = (picture && extracted.get(picture.path)) || {};
+        return [width, height];
+      });
+      const [first] = sizes;
+      return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
+    }
+    const first = this.#pictures.find((picture) => picture !== null);
+    if (!first) return [];
+    try {
+      const bitmap = await createImageBitmap(first.blob);
+      const { width, height } = bitmap;
+      bitmap.close();
+      return [[width, height]];
+    } catch {
+      // The viewer says so when it comes to this image; errors in pixels are left out.
+      return [];
+    }
+  }
+
+  #evaluate() {
+    if (!this.scoring) return;
+    this.#series.clear();
+    try {
+      this.evaluation = this.scoring.evaluate(this.#scoreOptions());
+      const defaults = this.scoring.evaluate({ ...this.#scoreOptions(), thresholds: {} });
+      this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
+      this.problems.delete("evaluation");
+    } catch (error) {
+      this.evaluation = null;
+      this.#report("evaluation", "error", messageOf(error));
+      this.#emit("files");
+    }
+    this.#emit("evaluation");
+  }
+
+  /** @returns {ScoreOptions} */
+  #scoreOptions() {
+    const edited = Object.entries(this.options.thresholds ?? {}).filter(([name]) => this.objects.includes(name));
+    return {
+      ...this.options,
+      thresholds: Object.fromEntries(edited),
+      ...(this.imageSize ? { imageSize: this.imageSize } : {}),
+    };
+  }
+
+  /**
+   * Latent points of the joined frames in the image.
+   * @param {Float64Array} points
+   */
+  #place(points) {
+    const { encoder } = this;
+    if (!encoder || this.#sizes.length === 0) return points;
+    if (this.imageSize) return encoder.toImage(points, ...this.imageSize);
+    const placed = new Float64Array(points.length);
+    for (const [t, size] of this.#sizes.entries()) {
+      placed.set(encoder.toImage(points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
+    }
+    return placed;
+  }
+
+  async #run() {
+    const { extraction } = this;
+    if (!extraction || extraction.status === "running" || extraction.pending(this.frameSources).length === 0) return;
+    const generation = this.#generation;
+    const alive = () => generation === this.#generation && this.extraction === extraction;
+    const running = extraction.run(this.frameSources, () => this.#emit("extraction"));
+    this.#emit("extraction");
+    const complete = await running;
+    if (!alive()) return;
+    this.#emit("extraction");
+    if (!complete) return;
+    this.#queue = this.#queue.then(async () => {
+      // Another change may have come first; it has settled everything then.
+      if (alive() && extraction.status === "idle") await this.#advance(alive);
+      this.#emit("files");
+    });
+  }
+
+  /**
+   * @param {FrameIndex | null} frames
+   * @param {string[]} paths
+   */
+  #ordered(frames, paths) {
+    return Array.from(frames?.order ?? [], (position) => {
+      const path = paths[position];
+      return { path, blob: /** @type {Blob} */ (this.images.get(path)) };
+    });
+  }
+
+  /** Gives back what was derived from the files. */
+  #release() {
+    for (const made of this.#derived.reverse()) made.free();
+    this.#derived = [];
+    this.table = null;
+    this.scoring = null;
+    this.evaluation = null;
+    this.objects = [];
+    this.sequences = [];
+    this.frameNumbers = new Float64Array();
+    this.#pictures = [];
+    this.#sizes = [];
+    this.#series.clear();
+  }
+
+  /**
+   * @param {string} what
+   * @param {number} done
+   * @param {number} total
+   */
+  #read(what, done, total) {
+    this.reading = { what, done, total };
+    this.#emit("reading");
+  }
+
+  /**
+   * @param {string} key
+   * @param {Problem["kind"]} kind
+   * @param {string} text
+   * @param {Problem["action"]} [action]
+   */
+  #report(key, kind, text, action) {
+    this.problems.set(key, { kind, text, action });
+  }
+
+  /** @param {string} topic */
+  #emit(topic) {
+    this.dispatchEvent(new Event(topic));
+  }
+}
+
+/** @param {unknown} error */
+function messageOf(error) {
+  return error instanceof Error ? error.message : String(error);
+}
+
+/** @param {unknown} error */
+function kindOf(error) {
+  return /** @type {{ kind?: string }} */ (error)?.kind;
+}

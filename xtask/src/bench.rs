@@ -1,0 +1,172 @@
+//! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the machine.
+
+use std::env::consts::OS;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
+use serde_json::Value;
+
+use crate::run;
+use crate::workspace::Workspace;
+
+/// How often each of the two is run.
+const ROUNDS: usize = 5;
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Subject {
+    /// The metric on one thread, against centred moments in numpy.
+    Metric,
+}
+
+/// One line that a benchmark prints with `--json`.
+#[derive(Debug, PartialEq)]
+struct Timing {
+    name: String,
+    median_ms: f64,
+}
+
+pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
+    match subject {
+        Subject::Metric => metric(workspace),
+    }
+}
+
+fn metric(workspace: &Workspace) -> Result<()> {
+    let peers = workspace.root().join("crate/benches/peers");
+    let python = python(workspace, &peers.join("requirements.txt"))?;
+    let mut ours = Vec::new();
+    let mut theirs = Vec::new();
+    for _ in 0..ROUNDS {
+        let mut numpy = run::command(&python);
+        numpy.arg(peers.join("metric_numpy.py")).arg("--json");
+        // numpy's linear algebra takes all cores unless told otherwise.
+        for threads in ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"] {
+            numpy.env(threads, "1");
+        }
+        theirs.push(timing(&mut numpy)?);
+        let mut bench = run::cargo();
+        bench
+            .args([
+                "bench",
+                "--package=tracklens",
+                "--no-default-features",
+                "--bench=metric",
+                "--",
+                "--json",
+            ])
+            .current_dir(workspace.root());
+        ours.push(timing(&mut bench)?);
+    }
+    println!("{}", comparison(&ours, &theirs)?);
+    Ok(())
+}
+
+fn timing(command: &mut Command) -> Result<Timing> {
+    let output = run::output(command)?;
+    parsed(&output)
+        .with_context(|| format!("expected a line {{\"name\": .., \"median_ms\": ..}}, got:\n{output}"))
+}
+
+fn parsed(output: &str) -> Option<Timing> {
+    output.lines().rev().find_map(|line| {
+        let value: Value = serde_json::from_str(line).ok()?;
+        Some(Timing {
+            name: value["name"].as_str()?.to_owned(),
+            median_ms: value["median_ms"].as_f64().filter(|time| *time > 0.0)?,
+        })
+    })
+}
+
+fn comparison(ours: &[Timing], theirs: &[Timing]) -> Result<String> {
+    let (Some(first), Some(peer)) = (ours.first(), theirs.first()) else {
+        bail!("nothing was timed");
+    };
+    if first.name != peer.name {
+        bail!("the benchmark timed {:?}, its peer {:?}", first.name, peer.name);
+    }
+    let (ours, theirs) = (median(ours), median(theirs));
+    let ratio = theirs / ours;
+    Ok(format!(
+        "{}: tracklens {ours:.3} ms, peer {theirs:.3} ms, ratio {ratio:.1}",
+        first.name
+    ))
+}
+
+fn median(timings: &[Timing]) -> f64 {
+    let mut times: Vec<_> = timings.iter().map(|timing| timing.median_ms).collect();
+    times.sort_by(f64::total_cmp);
+    let middle = times.len() / 2;
+    if times.len() % 2 == 1 {
+        times[middle]
+    } else {
+        (times[middle - 1] + times[middle]) / 2.0
+    }
+}
+
+/// The Python of a virtual environment with the pinned packages, made if it is not there.
+fn python(workspace: &Workspace, requirements: &Path) -> Result<PathBuf> {
+    let pinned = fs::read_to_string(requirements)
+        .with_context(|| format!("cannot read {}", requirements.display()))?;
+    let folder = workspace.tools().join("venv");
+    let python = folder.join(if OS == "windows" {
+        "Scripts/python.exe"
+    } else {
+        "bin/python"
+    });
+    let installed = folder.join("installed.txt");
+    if python.exists() && fs::read_to_string(&installed).is_ok_and(|last| last == pinned) {
+        return Ok(python);
+    }
+    let system = if OS == "windows" { "python" } else { "python3" };
+    run::run(run::command(system).args(["-m", "venv", "--clear"]).arg(&folder)).context(
+        "the peer needs Python 3 with its venv module: on Debian `apt-get install python3-venv`, \
+         elsewhere see https://www.python.org",
+    )?;
+    let mut pip = run::command(&python);
+    pip.args(["-m", "pip", "install", "--quiet", "--requirement"])
+        .arg(requirements);
+    run::run(&mut pip)?;
+    fs::write(&installed, pinned).with_context(|| format!("cannot write {}", installed.display()))?;
+    Ok(python)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn timings(times: &[f64]) -> Vec<Timing> {
+        let timing = |time: &f64| Timing {
+            name: "metric".to_owned(),
+            median_ms: *time,
+        };
+        times.iter().map(timing).collect()
+    }
+
+    #[test]
+    fn the_timing_is_found_among_other_lines() {
+        let output = "warming up\n{\"name\":\"metric_t2500_n32_k3\",\"median_ms\":0.25}\n";
+        let expected = Timing {
+            name: "metric_t2500_n32_k3".to_owned(),
+            median_ms: 0.25,
+        };
+        assert_eq!(parsed(output), Some(expected));
+        assert_eq!(parsed("{\"name\":\"metric\"}"), None);
+    }
+
+    #[test]
+    fn medians_are_compared() -> Result<()> {
+        let line = comparison(&timings(&[1.0, 9.0, 2.0]), &timings(&[8.0, 12.0]))?;
+        assert_eq!(line, "metric: tracklens 2.000 ms, peer 10.000 ms, ratio 5.0");
+        Ok(())
+    }
+
+    #[test]
+    fn timings_of_different_cases_are_not_compared() {
+        let mut other = timings(&[1.0]);
+        other[0].name = "other".to_owned();
+        assert!(comparison(&timings(&[1.0]), &other).is_err());
+    }
+}

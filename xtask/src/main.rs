@@ -1,0 +1,106 @@
+//! `cargo xtask`: set-up, build of the wasm package and of the site, serve, checks and tests.
+//!
+//! Every command prints what it runs, installs what is missing where it may, and otherwise says how to get it.
+//! Any stable Rust from the workspace's `rust-version` on will do, so no toolchain file pins one.
+
+mod bench;
+mod check;
+mod clean;
+mod package;
+mod run;
+mod serve;
+mod setup;
+mod site;
+mod steps;
+mod test;
+mod workspace;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+use workspace::Workspace;
+
+/// Set-up, build, site, serve and test of tracklens.
+#[derive(Parser)]
+#[command(bin_name = "cargo xtask", disable_help_subcommand = true)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Install what the build needs and is missing: the wasm target, node, wasm-opt.
+    Setup {
+        /// Also what the tests of the page need: Chromium and chromedriver.
+        #[arg(long)]
+        browsers: bool,
+    },
+    /// Build the wasm package into pkg/.
+    Build,
+    /// Build, then put together a folder that any static host serves.
+    Site {
+        /// The folder to write; `site` in cargo's target directory if not given.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Build the site and serve it on 127.0.0.1.
+    Serve {
+        /// The port to listen on, 0 for any; the first free one from 8080 on if not given.
+        #[arg(long)]
+        port: Option<u16>,
+        /// Open the page in the default browser.
+        #[arg(long)]
+        open: bool,
+    },
+    /// Run every test: unit, doc, golden, command line, npm package, the page in headless Chromium.
+    Test {
+        /// Leave out the tests of the page, which need Chromium and chromedriver.
+        #[arg(long)]
+        skip_page: bool,
+    },
+    /// Formatting, clippy for the native and the wasm target and for every feature, docs; warnings are errors.
+    Check,
+    /// Time a part of tracklens against its peer.
+    Bench { subject: bench::Subject },
+    /// Remove what was built into pkg/ and the site.
+    Clean {
+        /// Also everything else in cargo's target directory, the installed tools among it.
+        #[arg(long)]
+        all: bool,
+    },
+}
+
+fn main() -> ExitCode {
+    match perform(Cli::parse().task) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn perform(task: Task) -> Result<()> {
+    let workspace = Workspace::locate()?;
+    match task {
+        Task::Setup { browsers } => setup::run(&workspace, browsers),
+        Task::Build => package::build(&workspace),
+        Task::Site { out } => {
+            package::build(&workspace)?;
+            site::write(&workspace, &out.unwrap_or_else(|| workspace.site()))
+        }
+        Task::Serve { port, open } => {
+            package::build(&workspace)?;
+            site::write(&workspace, &workspace.site())?;
+            serve::serve(&workspace.site(), port, open)
+        }
+        Task::Test { skip_page } => test::run(&workspace, skip_page),
+        Task::Check => check::run(&workspace),
+        Task::Bench { subject } => bench::run(&workspace, subject),
+        Task::Clean { all } => clean::run(&workspace, all),
+    }
+}

@@ -1,0 +1,27 @@
+//! `cargo xtask setup`: finds what the build and the tests need, and installs what is missing.
+
+mod browser;
+mod install;
+mod node;
+mod wasm;
+
+use anyhow::Result;
+
+use crate::steps::Steps;
+use crate::workspace::Workspace;
+
+pub use browser::browsers;
+pub use node::{NPM_LOCK, WasmOpt, node, wasm_opt};
+pub use wasm::wasm_toolchain;
+
+pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
+    let mut steps = Steps::new();
+    steps.run("Rust for wasm32-unknown-unknown", || {
+        wasm_toolchain(workspace).map(drop)
+    });
+    steps.run("wasm-opt", || wasm_opt(workspace).map(drop));
+    if with_browsers {
+        steps.run("Chromium and chromedriver", browsers);
+    }
+    steps.finish()
+}

@@ -1,0 +1,269 @@
+//! `cargo xtask site`: the page and the package it loads, in one folder that any static host serves.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use tempfile::NamedTempFile;
+
+use crate::package;
+use crate::workspace::Workspace;
+
+/// Marks a folder as made here and lists what was put into it, each file with its SHA-256.
+const MARKER: &str = "tracklens-site.json";
+
+/// Where each file of the site comes from, by its path in the site with `/` between the parts.
+type Sources = BTreeMap<String, PathBuf>;
+
+/// Writes the site into `out`, or brings one written before up to date: files of the last time that are gone are removed,
+/// files of somebody else stay.
+///
+/// # Errors
+/// `out` holds files but was not made here, or lies in the sources; a source is missing; a file cannot be written.
+pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
+    let out = std::path::absolute(out).with_context(|| format!("cannot resolve {}", out.display()))?;
+    let before = files_before(&out)?;
+    fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
+    let inside = out.canonicalize()?;
+    for sources in [workspace.web(), workspace.package()] {
+        if sources
+            .canonicalize()
+            .is_ok_and(|sources| inside.starts_with(sources))
+        {
+            bail!(
+                "{} is among the sources of the site; give another folder",
+                out.display()
+            );
+        }
+    }
+    let sources = sources(workspace)?;
+
+    let mut hashes = BTreeMap::new();
+    let mut contents = Vec::new();
+    for (name, source) in &sources {
+        let content = fs::read(source).with_context(|| format!("cannot read {}", source.display()))?;
+        hashes.insert(name.as_str(), format!("{:x}", Sha256::digest(&content)));
+        contents.push((name, content));
+    }
+    let marker =
+        serde_json::to_vec_pretty(&json!({ "tracklens": env!("CARGO_PKG_VERSION"), "files": hashes }))?;
+
+    // First, so that a folder left half written is known as ours the next time.
+    put(&out.join(MARKER), &marker)?;
+    for (name, content) in &contents {
+        put(&joined(&out, name), content)?;
+    }
+    for name in before.iter().filter(|name| !sources.contains_key(*name)) {
+        let gone = joined(&out, name);
+        eprintln!("removing {}", gone.display());
+        fs::remove_file(&gone).with_context(|| format!("cannot remove {}", gone.display()))?;
+    }
+    println!("{}: {} files", out.display(), sources.len());
+    Ok(())
+}
+
+/// The files that were put into the folder the last time and are still there.
+fn files_before(out: &Path) -> Result<Vec<String>> {
+    let marker = out.join(MARKER);
+    if let Ok(content) = fs::read(&marker) {
+        let marker_of: Value = serde_json::from_slice(&content)
+            .with_context(|| format!("{} is damaged; delete the folder", marker.display()))?;
+        let files = marker_of["files"]
+            .as_object()
+            .into_iter()
+            .flat_map(|files| files.keys().cloned());
+        return Ok(files
+            .filter(|name| is_inside(name) && joined(out, name).is_file())
+            .collect());
+    }
+    let is_empty = match fs::read_dir(out) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", out.display())),
+    };
+    if !is_empty {
+        bail!(
+            "{} holds files that `cargo xtask site` did not put there (it has no {MARKER}); give an empty or a new folder",
+            out.display()
+        );
+    }
+    Ok(Vec::new())
+}
+
+/// Everything in web/ but hidden files, and of the package what a browser loads.
+fn sources(workspace: &Workspace) -> Result<Sources> {
+    let mut sources = Sources::new();
+    add_folder(&workspace.web(), "", &mut sources)?;
+    if !sources.contains_key("index.html") {
+        bail!("{} has no index.html", workspace.web().display());
+    }
+    for file in package::for_browsers(&workspace.package())? {
+        let place = format!("pkg/{file}");
+        if sources
+            .insert(place.clone(), workspace.package().join(file))
+            .is_some()
+        {
+            bail!("web/{place} is in the way of the built package");
+        }
+    }
+    Ok(sources)
+}
+
+fn add_folder(folder: &Path, prefix: &str, sources: &mut Sources) -> Result<()> {
+    let unreadable = || format!("cannot read {}", folder.display());
+    for entry in fs::read_dir(folder).with_context(unreadable)? {
+        let entry = entry.with_context(unreadable)?;
+        let Ok(name) = entry.file_name().into_string() else {
+            bail!("{} has a name that is not Unicode", entry.path().display());
+        };
+        if name.starts_with('.') {
+            continue;
+        }
+        if entry.path().is_dir() {
+            add_folder(&entry.path(), &format!("{prefix}{name}/"), sources)?;
+        } else {
+            sources.insert(format!("{prefix}{name}"), entry.path());
+        }
+    }
+    Ok(())
+}
+
+/// Whether a name from a marker stays in the folder of the marker.
+fn is_inside(name: &str) -> bool {
+    name.split('/')
+        .all(|part| !["", ".", ".."].contains(&part) && !part.contains(['\\', ':']))
+}
+
+fn joined(folder: &Path, name: &str) -> PathBuf {
+    name.split('/')
+        .fold(folder.to_owned(), |path, part| path.join(part))
+}
+
+/// Writes a file at once and only if its content is another one, so that its time says when it changed.
+fn put(file: &Path, content: &[u8]) -> Result<()> {
+    if fs::read(file).is_ok_and(|last| last == content) {
+        return Ok(());
+    }
+    let folder = file.parent().unwrap_or(Path::new("."));
+    let written = fs::create_dir_all(folder).and_then(|()| {
+        let temporary = NamedTempFile::new_in(folder)?;
+        fs::write(&temporary, content)?;
+        readable_by_all(&temporary)?;
+        temporary.persist(file)?;
+        Ok(())
+    });
+    written.with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// Temporary files are private, those of a site are not.
+#[cfg(unix)]
+fn readable_by_all(file: &NamedTempFile) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.as_file().set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all(_: &NamedTempFile) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use tempfile::TempDir;
+
+    fn workspace(folder: &Path) -> Result<Workspace> {
+        for (file, content) in [
+            ("web/index.html", "<!doctype html>"),
+            ("web/example/truth.csv", "sequence,frame,object,x,y"),
+            ("web/.hidden", ""),
+            (
+                "pkg/package.json",
+                r#"{ "files": ["index.js", "index.d.ts", "node.js", "tracklens_bg.wasm"] }"#,
+            ),
+            ("pkg/index.js", "export {};"),
+            ("pkg/node.js", "export {};"),
+            ("pkg/tracklens_bg.wasm", "\0asm"),
+        ] {
+            put(&folder.join(file), content.as_bytes())?;
+        }
+        Ok(Workspace::at(folder))
+    }
+
+    fn files(folder: &Path) -> Result<Vec<String>> {
+        let mut sources = Sources::new();
+        add_folder(folder, "", &mut sources)?;
+        Ok(sources.into_keys().collect())
+    }
+
+    #[test]
+    fn the_site_has_the_page_and_what_a_browser_loads_of_the_package() -> Result<()> {
+        let folder = TempDir::new()?;
+        let out = folder.path().join("out");
+        write(&workspace(folder.path())?, &out)?;
+        let expected = [
+            "example/truth.csv",
+            "index.html",
+            "pkg/index.js",
+            "pkg/tracklens_bg.wasm",
+            MARKER,
+        ];
+        assert_eq!(files(&out)?, expected);
+        Ok(())
+    }
+
+    #[test]
+    fn a_site_is_brought_up_to_date_and_foreign_files_in_it_stay() -> Result<()> {
+        let folder = TempDir::new()?;
+        let out = folder.path().join("out");
+        let workspace = workspace(folder.path())?;
+        write(&workspace, &out)?;
+        fs::write(out.join("CNAME"), "tracklens.example")?;
+        fs::remove_file(workspace.web().join("example/truth.csv"))?;
+        fs::write(workspace.web().join("index.html"), "new")?;
+        write(&workspace, &out)?;
+        assert_eq!(
+            files(&out)?,
+            [
+                "CNAME",
+                "index.html",
+                "pkg/index.js",
+                "pkg/tracklens_bg.wasm",
+                MARKER
+            ]
+        );
+        assert_eq!(fs::read_to_string(out.join("index.html"))?, "new");
+        Ok(())
+    }
+
+    #[test]
+    fn a_folder_with_other_files_is_refused_and_left_alone() -> Result<()> {
+        let folder = TempDir::new()?;
+        let out = folder.path().join("out");
+        put(&out.join("thesis.tex"), b"")?;
+        let error = write(&workspace(folder.path())?, &out).map_err(|error| error.to_string());
+        assert!(error.is_err_and(|message| message.contains("did not put there")));
+        assert_eq!(files(&out)?, ["thesis.tex"]);
+        Ok(())
+    }
+
+    #[test]
+    fn the_sources_are_refused_as_the_place_of_the_site() -> Result<()> {
+        let folder = TempDir::new()?;
+        let workspace = workspace(folder.path())?;
+        assert!(write(&workspace, &workspace.web().join("site")).is_err());
+        Ok(())
+    }
+
+    #[test]
+    fn a_marker_cannot_name_files_elsewhere() {
+        assert!(is_inside("pkg/index.js"));
+        for name in ["../index.js", "/etc/passwd", "pkg//x", r"..\x", "c:x", ""] {
+            assert!(!is_inside(name), "{name}");
+        }
+    }
+}

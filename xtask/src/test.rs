@@ -1,0 +1,97 @@
+//! `cargo xtask test`: every test there is.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+
+use crate::steps::Steps;
+use crate::workspace::Workspace;
+use crate::{package, run, setup, site};
+
+const PAGE_TESTS: &str = "the page in a browser";
+
+pub fn run(workspace: &Workspace, skip_page: bool) -> Result<()> {
+    let mut steps = Steps::new();
+    let browsers = if skip_page {
+        None
+    } else {
+        steps.run("set-up: Chromium and chromedriver", setup::browsers)
+    };
+    let package = steps.run("wasm package", || package::build(workspace));
+    let site = package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site())));
+
+    steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
+    steps.run("metric alone", || {
+        cargo_test(workspace, &["--package=tracklens", "--no-default-features"])
+    });
+    steps.run("library and command line", || {
+        cargo_test(workspace, &["--package=tracklens"])
+    });
+
+    let npm = "npm package under node";
+    if package.is_some() {
+        steps.run(npm, || npm_tests(workspace));
+    } else {
+        steps.blocked(npm);
+    }
+    if skip_page {
+        steps.skipped(PAGE_TESTS);
+    } else if browsers.and(site).is_some() {
+        steps.run(PAGE_TESTS, || page_tests(workspace));
+    } else {
+        steps.blocked(PAGE_TESTS);
+    }
+    steps.finish()
+}
+
+fn cargo_test(workspace: &Workspace, arguments: &[&str]) -> Result<()> {
+    let mut cargo = run::cargo();
+    cargo
+        .args(["test", "--release", "--no-fail-fast"])
+        .args(arguments);
+    run::run(cargo.current_dir(workspace.root()))
+}
+
+/// The files are named one by one: what node makes of a folder changed between its versions.
+fn npm_tests(workspace: &Workspace) -> Result<()> {
+    let folder = workspace.root().join("tests/npm");
+    let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let is_test = |path: &PathBuf| {
+        path.to_string_lossy().ends_with(".test.mjs") || path.to_string_lossy().ends_with(".test.js")
+    };
+    let mut files: Vec<_> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(is_test)
+        .collect();
+    files.sort();
+    if files.is_empty() {
+        bail!("{} has no *.test.mjs or *.test.js", folder.display());
+    }
+    let node = setup::node()?;
+    run::run(
+        node.command()
+            .arg("--test")
+            .args(files)
+            .current_dir(workspace.root()),
+    )
+}
+
+/// The tests find the built site and the native binary, whose results they compare, by their environment.
+fn page_tests(workspace: &Workspace) -> Result<()> {
+    let mut build = run::cargo();
+    build.args(["build", "--release", "--package=tracklens"]);
+    run::run(build.current_dir(workspace.root()))?;
+    let mut cargo = run::cargo();
+    cargo
+        .args([
+            "test",
+            "--release",
+            "--no-fail-fast",
+            "--package=tracklens-page-tests",
+        ])
+        .env("TRACKLENS_SITE", workspace.site())
+        .env("TRACKLENS_BIN", workspace.binary("tracklens"));
+    run::run(cargo.current_dir(workspace.root()))
+}
