@@ -90,7 +90,7 @@ function drawOne(session, canvas, component, colors) {
   const { clientWidth, clientHeight } = canvas;
   if (clientWidth === 0 || clientHeight === 0) return "";
   const scale = window.devicePixelRatio;
-  const figure = describe(session, component, colors, FONT_SIZE * scale);
+  const figure = describe(session, component, colors, Math.round(FONT_SIZE * scale));
   const width = Math.round(clientWidth * scale);
   const height = Math.round(clientHeight * scale);
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });

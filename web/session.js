@@ -487,7 +487,10 @@ export class Session extends EventTarget {
     this.frames?.free();
     const paths = [...this.images.keys()];
     this.frames = paths.length > 0 ? new FrameIndex(paths) : null;
-    this.frameSources = this.#ordered(this.frames, paths);
+    this.frameSources = Array.from(this.frames?.order ?? [], (position) => {
+      const path = paths[position];
+      return { path, blob: /** @type {Blob} */ (this.images.get(path)) };
+    });
   }
 
   /**
@@ -545,8 +548,8 @@ export class Session extends EventTarget {
       return all;
     }
     const { extraction, encoder } = this;
-    if (!all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
-    const good = this.frameSources.filter(({ path }) => extraction.extracted.has(path));
+    if (!this.frames || !all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
+    const good = Array.from(this.frameSources.keys()).filter((i) => extraction.extracted.has(this.frameSources[i].path));
     if (good.length === 0) {
       const [first] = extraction.failures.values();
       this.#report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
@@ -554,10 +557,9 @@ export class Session extends EventTarget {
     }
     let kept = all;
     if (good.length < all.sources.length) {
-      const paths = good.map(({ path }) => path);
-      const frames = new FrameIndex(paths);
+      const frames = this.frames.select(Uint32Array.from(good));
       this.#derived.push(frames);
-      kept = { frames, sources: this.#ordered(frames, paths) };
+      kept = { frames, sources: good.map((i) => this.frameSources[i]) };
     }
     const keypoints = encoder.info.keypoints;
     const points = new Float64Array(kept.sources.length * keypoints * 2);
@@ -691,17 +693,6 @@ export class Session extends EventTarget {
       // Another change may have come first; it has settled everything then.
       if (alive() && extraction.status === "idle") await this.#advance(alive);
       this.#emit("files");
-    });
-  }
-
-  /**
-   * @param {FrameIndex | null} frames
-   * @param {string[]} paths
-   */
-  #ordered(frames, paths) {
-    return Array.from(frames?.order ?? [], (position) => {
-      const path = paths[position];
-      return { path, blob: /** @type {Blob} */ (this.images.get(path)) };
     });
   }
 

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use anyhow::Result;
 
-use crate::package::PROFILE;
+use crate::package::LIBRARY;
 use crate::run;
 use crate::setup::wasm_toolchain;
 use crate::steps::Steps;
@@ -22,8 +22,8 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     steps.run("formatting", || {
         run(run::cargo().args(["fmt", "--all", "--check"]))
     });
-    // A package at a time: with --workspace, the features of all of them together would have the large dependencies
-    // checked once more.
+    // A package at a time: with --workspace, the features of all of them together would have the large
+    // dependencies checked once more.
     for package in ["xtask", "tracklens-page-tests", "tracklens"] {
         steps.run(format!("clippy: {package}"), || {
             run(native_clippy(package).arg("--all-targets").args(DENY_WARNINGS))
@@ -41,23 +41,22 @@ pub fn run(workspace: &Workspace) -> Result<()> {
         });
     }
     steps.run("clippy: tracklens for wasm", || {
-        let mut clippy = wasm_toolchain(workspace)?.cargo("clippy");
-        clippy.args([
-            "--package=tracklens",
-            "--lib",
-            "--no-default-features",
-            "--features=web",
-            "--profile",
-            PROFILE,
-        ]);
-        run(clippy.args(DENY_WARNINGS))
+        run(wasm_toolchain(workspace)?
+            .cargo("clippy")
+            .args(LIBRARY)
+            .args(DENY_WARNINGS))
     });
     steps.run("docs", || {
         let mut cargo = run::cargo();
-        cargo
-            .args(["doc", "--release", "--no-deps", "--package=tracklens"])
-            .env("RUSTDOCFLAGS", "-D warnings");
-        run(&mut cargo)
+        cargo.args(["doc", "--release", "--package=tracklens"]);
+        run(cargo.arg("--no-deps").env("RUSTDOCFLAGS", "-D warnings"))
+    });
+    steps.run("docs for wasm", || {
+        let mut cargo = wasm_toolchain(workspace)?.cargo("doc");
+        run(cargo
+            .args(LIBRARY)
+            .arg("--no-deps")
+            .env("RUSTDOCFLAGS", "-D warnings"))
     });
     steps.finish()
 }

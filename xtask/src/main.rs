@@ -1,7 +1,7 @@
 //! `cargo xtask`: set-up, build of the wasm package and of the site, serve, checks and tests.
 //!
-//! Every command prints what it runs, installs what is missing where it may, and otherwise says how to get it.
-//! Any stable Rust from the workspace's `rust-version` on will do, so no toolchain file pins one.
+//! Every command prints what it runs, installs what is missing where it may, and otherwise says how to get
+//! it. Any stable Rust from the workspace's `rust-version` on will do, so no toolchain file pins one.
 
 mod bench;
 mod check;
@@ -62,7 +62,7 @@ enum Task {
         #[arg(long)]
         skip_page: bool,
     },
-    /// Formatting, clippy for the native and the wasm target and for every feature, docs; warnings are errors.
+    /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
     /// Time a part of tracklens against its peer.
     Bench { subject: bench::Subject },

@@ -1,6 +1,5 @@
 //! `cargo xtask build`: the wasm package in pkg/.
 
-use std::ffi::OsStr;
 use std::fs;
 use std::io::Write;
 use std::path::Path;
@@ -22,8 +21,14 @@ pub const GENERATED: [&str; 3] = ["tracklens.js", WASM, "tracklens.d.ts"];
 
 const WASM: &str = "tracklens_bg.wasm";
 
-/// The profile of the workspace's manifest for what browsers download.
-pub const PROFILE: &str = "wasm";
+/// What cargo builds for wasm.
+pub const LIBRARY: [&str; 5] = [
+    "--package=tracklens",
+    "--lib",
+    "--no-default-features",
+    "--features=web",
+    "--profile=wasm",
+];
 
 /// Optimisation, and what the compiler may use of wasm, should the file not say so itself.
 const WASM_OPT: [&str; 9] = [
@@ -53,30 +58,25 @@ pub fn build(workspace: &Workspace) -> Result<()> {
             None
         }
     };
-    let mut cargo = toolchain.cargo("build");
-    cargo.args([
-        "--package=tracklens",
-        "--lib",
-        "--no-default-features",
-        "--features=web",
-        "--profile",
-        PROFILE,
-    ]);
-    run::run(cargo.current_dir(workspace.root()))?;
-    let compiled = toolchain.artifact(workspace, PROFILE, "tracklens");
+    run::run(
+        toolchain
+            .cargo("build")
+            .args(LIBRARY)
+            .current_dir(workspace.root()),
+    )?;
+    let compiled = toolchain.folder(workspace).join("wasm/tracklens.wasm");
 
     let package = workspace.package();
     let stamp = Stamp::new(&compiled, optimiser.is_some())?;
     let stamp_file = workspace.tools().join("package.stamp");
-    if stamp
-        .complete(&package)
-        .is_ok_and(|stamp| fs::read_to_string(&stamp_file).is_ok_and(|last| last == stamp))
-    {
+    let last = fs::read_to_string(&stamp_file).ok();
+    if last.is_some() && last == stamp.complete(&package).ok() {
         eprintln!("{} is up to date", package.display());
     } else {
         generate(&compiled, optimiser.as_ref(), &package)?;
-        fs::create_dir_all(workspace.tools())?;
-        fs::write(&stamp_file, stamp.complete(&package)?)
+        let stamp = stamp.complete(&package)?;
+        fs::create_dir_all(workspace.tools())
+            .and_then(|()| fs::write(&stamp_file, stamp))
             .with_context(|| format!("cannot write {}", stamp_file.display()))?;
     }
     let wasm = read(&package.join(WASM))?;
@@ -111,6 +111,7 @@ fn generate(compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Res
         .input_path(compiled)
         .out_name("tracklens")
         .web(true)?
+        .omit_default_module_path(false)
         .typescript(true)
         .remove_name_section(true)
         .remove_producers_section(true)
@@ -118,19 +119,14 @@ fn generate(compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Res
         .with_context(|| format!("wasm-bindgen cannot make bindings for {}", compiled.display()))?;
     if folder.join("snippets").exists() {
         bail!(
-            "the crate or a dependency uses inline JavaScript (`inline_js` or `module`), which the package has no place for"
+            "the crate or a dependency brings JavaScript of its own (`inline_js` or `module`), \
+             for which the package has no place"
         );
     }
     if let Some(optimiser) = optimiser {
         let wasm = folder.join(WASM);
-        run::run(
-            optimiser
-                .command()
-                .args(WASM_OPT)
-                .arg(&wasm)
-                .arg(OsStr::new("-o"))
-                .arg(&wasm),
-        )?;
+        let mut command = optimiser.command();
+        run::run(command.args(WASM_OPT).arg(&wasm).arg("-o").arg(&wasm))?;
     }
     for file in GENERATED {
         let place = package.join(file);
@@ -139,7 +135,8 @@ fn generate(compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Res
     Ok(())
 }
 
-/// What decides whether the package is up to date: the compiled file, what is done to it, and the files that came out.
+/// What decides whether the package is up to date: the compiled file, what is done to it, and the files that
+/// came out.
 struct Stamp(Sha256);
 
 impl Stamp {

@@ -6,8 +6,8 @@ use std::process::{Command, ExitStatus, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-/// A command without the variables by which `cargo run` describes xtask itself: build scripts further down would take
-/// them for a change of their input and build again.
+/// A command without the variables by which `cargo run` describes xtask itself: build scripts further down
+/// would take them for a change of their input and build again.
 pub fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     for (name, _) in env::vars_os() {

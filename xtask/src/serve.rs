@@ -106,8 +106,8 @@ fn empty(status: u16) -> Response<Empty> {
     Response::empty(StatusCode(status))
 }
 
-/// A site under development changes at any time, so nothing is to be kept. Large files have their length told too, which
-/// a page needs to show how much of one has come.
+/// A site under development changes at any time, so nothing is to be kept. Large files have their length told
+/// too, which a page needs to show how much of one has come.
 fn with_headers(response: Response<File>, path: &Path) -> Response<File> {
     response
         .with_chunked_threshold(usize::MAX)

@@ -18,20 +18,22 @@ const MARKER: &str = "tracklens-site.json";
 /// Where each file of the site comes from, by its path in the site with `/` between the parts.
 type Sources = BTreeMap<String, PathBuf>;
 
-/// Writes the site into `out`, or brings one written before up to date: files of the last time that are gone are removed,
-/// files of somebody else stay.
+/// Writes the site into `out`, or brings one written before up to date: files of the last time that are gone
+/// are removed, files of somebody else stay.
 ///
 /// # Errors
-/// `out` holds files but was not made here, or lies in the sources; a source is missing; a file cannot be written.
+/// `out` holds files but was not made here, or lies in the sources; a source is missing; a file cannot be
+/// written.
 pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
     let out = std::path::absolute(out).with_context(|| format!("cannot resolve {}", out.display()))?;
-    let before = files_before(&out)?;
-    fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
-    let inside = out.canonicalize()?;
+    let existing = out
+        .ancestors()
+        .find_map(|folder| folder.canonicalize().ok())
+        .unwrap_or_default();
     for sources in [workspace.web(), workspace.package()] {
         if sources
             .canonicalize()
-            .is_ok_and(|sources| inside.starts_with(sources))
+            .is_ok_and(|sources| existing.starts_with(sources))
         {
             bail!(
                 "{} is among the sources of the site; give another folder",
@@ -39,6 +41,7 @@ pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
             );
         }
     }
+    let before = files_before(&out)?;
     let sources = sources(workspace)?;
 
     let mut hashes = BTreeMap::new();
@@ -51,15 +54,15 @@ pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
     let marker =
         serde_json::to_vec_pretty(&json!({ "tracklens": env!("CARGO_PKG_VERSION"), "files": hashes }))?;
 
-    // First, so that a folder left half written is known as ours the next time.
-    put(&out.join(MARKER), &marker)?;
-    for (name, content) in &contents {
-        put(&joined(&out, name), content)?;
-    }
     for name in before.iter().filter(|name| !sources.contains_key(*name)) {
         let gone = joined(&out, name);
         eprintln!("removing {}", gone.display());
         fs::remove_file(&gone).with_context(|| format!("cannot remove {}", gone.display()))?;
+    }
+    // Before the files, so that a folder left half written is known as ours the next time.
+    put(&out.join(MARKER), &marker)?;
+    for (name, content) in &contents {
+        put(&joined(&out, name), content)?;
     }
     println!("{}: {} files", out.display(), sources.len());
     Ok(())
@@ -86,7 +89,8 @@ fn files_before(out: &Path) -> Result<Vec<String>> {
     };
     if !is_empty {
         bail!(
-            "{} holds files that `cargo xtask site` did not put there (it has no {MARKER}); give an empty or a new folder",
+            "{} holds files that `cargo xtask site` did not put there (it has no {MARKER}); \
+             give an empty or a new folder",
             out.display()
         );
     }
@@ -255,7 +259,9 @@ mod tests {
     fn the_sources_are_refused_as_the_place_of_the_site() -> Result<()> {
         let folder = TempDir::new()?;
         let workspace = workspace(folder.path())?;
-        assert!(write(&workspace, &workspace.web().join("site")).is_err());
+        let inside = workspace.web().join("site");
+        assert!(write(&workspace, &inside).is_err());
+        assert!(!inside.exists());
         Ok(())
     }
 

@@ -58,7 +58,8 @@ fn npm_tests(workspace: &Workspace) -> Result<()> {
     let folder = workspace.root().join("tests/npm");
     let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let is_test = |path: &PathBuf| {
-        path.to_string_lossy().ends_with(".test.mjs") || path.to_string_lossy().ends_with(".test.js")
+        let path = path.to_string_lossy();
+        path.ends_with(".test.mjs") || path.ends_with(".test.js")
     };
     let mut files: Vec<_> = entries
         .flatten()

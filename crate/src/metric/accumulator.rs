@@ -139,9 +139,16 @@ impl Accumulator {
                 }
             }
         }
-        // Zero times a finite number is zero, times anything else it is NaN.
-        let probe: f64 = xs.iter().zip(ys.iter()).map(|(x, y)| x * 0.0 + y * 0.0).sum();
-        if probe != 0.0 {
+        // Zero times a finite number is zero, times anything else it is NaN. In lanes, so that it vectorises.
+        let mut probe = [0.0; LANES];
+        for row in &self.pending.keypoint {
+            for lane in row[at..at + self.pending.stride].chunks_exact(LANES) {
+                for (p, z) in probe.iter_mut().zip(lane) {
+                    *p += z * 0.0;
+                }
+            }
+        }
+        if probe.iter().any(|p| p.is_nan()) {
             return self.not_finite(keypoints);
         }
         for (points, point) in self.pending.truth.iter_mut().zip(truth.rows()) {

@@ -74,7 +74,7 @@ fn find() -> Option<(PathBuf, PathBuf)> {
     Some((on_path.or_else(elsewhere)?, which::which("chromedriver").ok()?))
 }
 
-/// The first part of the first word that starts with a digit: 156 of `Chromium 156.0.8078.79 built on Debian`.
+/// The first part of the first word that starts with a digit: 156 of `Chromium 156.0.8078.79 built on …`.
 fn major(version: &str) -> Option<u32> {
     let number = version
         .split_whitespace()

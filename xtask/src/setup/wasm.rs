@@ -1,4 +1,5 @@
-//! A Rust that builds for `wasm32-unknown-unknown`: the running toolchain with that target, or Debian's packages.
+//! A Rust that builds for `wasm32-unknown-unknown`: the running toolchain with that target, or Debian's
+//! packages.
 
 use std::env;
 use std::fs;
@@ -67,9 +68,11 @@ fn any(workspace: &Workspace) -> Result<WasmToolchain> {
     eprintln!("{rustup:#}; trying Debian's packages");
     with_debian(workspace).map_err(|debian| {
         anyhow::anyhow!(
-            "Rust cannot build for {TARGET} here.\n  with rustup: {rustup:#}\n  with Debian's packages: {debian:#}\n\
-             Run `rustup target add {TARGET}` where rustup (https://rustup.rs) has a network, or on Debian, as root, \
-             `apt-get install {} lld-N` with N the LLVM version that `/usr/bin/rustc -vV` names",
+            "Rust cannot build for {TARGET} here.\n  \
+               with rustup: {rustup:#}\n  \
+               with Debian's packages: {debian:#}\n\
+             Run `rustup target add {TARGET}` where rustup (https://rustup.rs) has a network, or on Debian, \
+             as root, `apt-get install {} lld-N` with N the LLVM version that `/usr/bin/rustc -vV` names",
             DEBIAN_PACKAGES.join(" ")
         )
     })
@@ -175,9 +178,9 @@ fn debian_command(program: &str) -> Command {
     command
         .env_remove("RUSTUP_TOOLCHAIN")
         .env_remove("LD_LIBRARY_PATH")
-        .env_remove("RUSTC_WRAPPER")
         .env("CARGO", "/usr/bin/cargo")
-        .env("RUSTC", "/usr/bin/rustc");
+        .env("RUSTC", "/usr/bin/rustc")
+        .env("RUSTDOC", "/usr/bin/rustdoc");
     command
 }
 
@@ -192,7 +195,7 @@ impl WasmToolchain {
             }
             Self::Debian { linker, target } => {
                 let mut command = debian_command(match subcommand {
-                    // By its path: cargo would take the first `cargo-clippy` on the path, which may be rustup's.
+                    // By its path: cargo would take the first one on the path, which may be rustup's.
                     "clippy" => "/usr/bin/cargo-clippy",
                     _ => "/usr/bin/cargo",
                 });
@@ -212,13 +215,13 @@ impl WasmToolchain {
         command
     }
 
-    /// The wasm file that a build of `profile` makes of the library `name`.
-    pub fn artifact(&self, workspace: &Workspace, profile: &str, name: &str) -> PathBuf {
+    /// Where cargo puts what it builds, a folder a profile.
+    pub fn folder(&self, workspace: &Workspace) -> PathBuf {
         let target = match self {
             Self::Running => workspace.target(),
             Self::Debian { target, .. } => target,
         };
-        target.join(TARGET).join(profile).join(format!("{name}.wasm"))
+        target.join(TARGET)
     }
 }
 

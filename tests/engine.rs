@@ -1,0 +1,114 @@
+//! The CPU engine against the authors' modules (`golden/*.safetensors`, computed by them with PyTorch).
+
+mod shared;
+
+use safetensors::SafeTensors;
+use shared::{golden, tensor};
+use tracklens::checkpoint::Checkpoint;
+use tracklens::data::Frame;
+use tracklens::engine::{Encoder, Workspace};
+use tracklens::extract::{CpuExtractor, Extractor};
+
+/// Two float32 implementations add the same products in another order, and the peaky attention maps magnify it: 1e-5
+/// is measured on the full-size encoder. 1e-4 is 1/80 of a pixel at 256 px.
+const TOLERANCE: f32 = 1e-4;
+
+/// The largest difference of the engine's keypoints from the golden ones of the given input.
+fn difference(encoder: &Encoder, file: &SafeTensors, input: &str, expected: &str) -> f32 {
+    let (shape, pixels) = tensor(file, input);
+    let (points_shape, points) = tensor(file, expected);
+    let [images, 3, height, width] = shape[..] else { panic!("an input of shape {shape:?}") };
+    assert_eq!(points_shape, [images, encoder.keypoints(), 2]);
+    let mut workspace = Workspace::default();
+    let mut largest: f32 = 0.0;
+    for (image, expected) in
+        pixels.chunks_exact(3 * height * width).zip(points.chunks_exact(2 * encoder.keypoints()))
+    {
+        let ours = encoder.run(&mut workspace, image, [width, height]).expect("keypoints");
+        for (point, expected) in ours.iter().zip(expected.chunks_exact(2)) {
+            // The reference speaks (y, x).
+            largest = largest.max((point[1] - expected[0]).abs()).max((point[0] - expected[1]).abs());
+        }
+    }
+    println!("{input}: largest difference {largest:.1e}");
+    largest
+}
+
+#[test]
+fn the_engine_equals_the_reference_on_a_tiny_encoder() {
+    let bytes = golden("basic-vel-std-bg-tiny.safetensors");
+    let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
+    let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+    assert!(difference(&encoder, &file, "golden.input64", "golden.keypoints64") < TOLERANCE);
+}
+
+#[test]
+fn the_engine_equals_the_reference_on_the_basic_encoder() {
+    let Some(bytes) = shared::large_golden("basic.safetensors") else { return };
+    let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
+    let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+    assert!(difference(&encoder, &file, "golden.input64", "golden.keypoints64") < TOLERANCE);
+    assert!(difference(&encoder, &file, "golden.input256", "golden.keypoints256") < TOLERANCE);
+}
+
+#[test]
+fn a_workspace_can_be_used_for_frames_of_any_size_in_any_order() {
+    let checkpoint = Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
+    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let mut shared = Workspace::default();
+    for size in [[100usize, 76], [33, 257], [64, 64], [17, 16], [100, 76]] {
+        let input: Vec<f32> = (0..3 * size[0] * size[1]).map(|i| (i * 31 % 97) as f32 / 97.0).collect();
+        let again = encoder.run(&mut shared, &input, size).expect("keypoints");
+        let alone = encoder.run(&mut Workspace::default(), &input, size).expect("keypoints");
+        assert_eq!(again, alone, "{size:?}");
+        assert!(again.iter().flatten().all(|v| v.abs() <= 1.0), "{size:?}");
+    }
+}
+
+#[test]
+fn the_grid_places_border_cells_where_the_convolutions_see_them() {
+    let checkpoint = Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
+    let grid = CpuExtractor::from_checkpoint(&checkpoint).expect("a plan").grid([256, 128]);
+    // 256 px: cell k of 33 is at pixel 8k - 3.5, ndc (2 px + 1) / 256 - 1; 128 px: 17 cells.
+    let corner = grid.to_image([-1.0, -1.0]);
+    assert!((corner[0] - (2.0 * -3.5 + 1.0) / 256.0 + 1.0).abs() < 1e-12);
+    assert!((corner[1] - (2.0 * -3.5 + 1.0) / 128.0 + 1.0).abs() < 1e-12);
+    let opposite = grid.to_image([1.0, 1.0]);
+    assert!((opposite[0] - (2.0 * (8.0 * 32.0 - 3.5) + 1.0) / 256.0 + 1.0).abs() < 1e-12);
+    assert!((opposite[1] - (2.0 * (8.0 * 16.0 - 3.5) + 1.0) / 128.0 + 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
+    // An encoder made by hand: each block passes its input on (centre taps of 1), the aggregation is sharp.
+    let mut checkpoint =
+        Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
+    for (name, tensor) in checkpoint.tensors.iter_mut().filter(|(name, _)| name.starts_with("encoder.")) {
+        let scale = name.ends_with("running_var") || (name.contains(".bn") && name.ends_with("weight"));
+        tensor.data.fill(if scale { 1.0 } else { 0.0 });
+        if name.contains(".conv") && name.ends_with("weight") {
+            tensor.data[4] = 1.0;
+        }
+        if name == "encoder.aggregate_conv.weight" {
+            tensor.data[0] = 1000.0;
+        }
+    }
+    let mut extractor = CpuExtractor::from_checkpoint(&checkpoint).expect("a plan");
+    for (column, row) in [(100usize, 40usize), (12, 90), (64, 64)] {
+        let mut rgb = vec![0; 128 * 128 * 3];
+        for y in row - 4..row + 4 {
+            for x in column - 4..column + 4 {
+                rgb[3 * (y * 128 + x)] = 255;
+            }
+        }
+        let frame = Frame::new(128, 128, rgb).expect("a frame");
+        let encoder = extractor.encoder();
+        let point = encoder.extract(&mut Workspace::default(), &frame).expect("keypoints")[0];
+        let ndc = encoder.grid([128, 128]).to_image(point.map(f64::from));
+        // A cell is 8 px wide and pooling takes the maximum around it: a cell is what can be told.
+        let cell = 2.0 * 8.0 / 128.0;
+        assert!((ndc[0] - (2.0 * column as f64 / 128.0 - 1.0)).abs() < cell, "{ndc:?} for {column}");
+        assert!((ndc[1] - (2.0 * row as f64 / 128.0 - 1.0)).abs() < cell, "{ndc:?} for {row}");
+    }
+    assert!(extractor.extract(b"no image").is_err());
+}
