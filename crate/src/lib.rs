@@ -8,6 +8,8 @@
 //! are features: `data` (tables, images, sequences, checkpoints), `engine` (CPU inference), `report` (results and
 //! figures), `model` and `train` (SAEs in burn), `cli`, `web`.
 
+#[cfg(any(feature = "cli", feature = "train"))]
+mod atomic;
 pub mod error;
 pub mod event;
 pub mod metric;

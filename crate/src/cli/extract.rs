@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::files::{self, Folder};
 use super::score::ScoringArguments;
+use crate::atomic;
 use crate::data::keypoints_csv;
 use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
@@ -62,7 +63,7 @@ struct SourceArguments {
 
 pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
     let extracted = arguments.source.extract()?;
-    files::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
+    atomic::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
     eprintln!(
         "{} keypoints of {} frames written to {}",
         extracted.track.keypoints(),
@@ -77,7 +78,7 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     let truth = files::read_ground_truth(&arguments.truth)?;
     let extracted = arguments.source.extract()?;
     if let Some(path) = &arguments.keypoints_out {
-        files::write(path, keypoints_csv(&extracted.track).as_bytes())?;
+        atomic::write(path, keypoints_csv(&extracted.track).as_bytes())?;
     }
     arguments.scoring.score(&truth, &extracted.track, extracted.image_size)
 }

@@ -34,7 +34,7 @@ enum Command {
     Eval(extract::EvalArguments),
     /// Train a spatial autoencoder on a folder of image sequences.
     #[cfg(feature = "train")]
-    Train(Box<train::TrainArgs>),
+    Train(Box<train::TrainArguments>),
 }
 
 /// Runs the command line and returns the exit code of the process.
@@ -45,7 +45,7 @@ pub fn main() -> ExitCode {
         Command::Extract(arguments) => extract::run(&arguments),
         Command::Eval(arguments) => extract::run_eval(&arguments),
         #[cfg(feature = "train")]
-        Command::Train(arguments) => train::run(*arguments),
+        Command::Train(arguments) => train::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,147 @@
+//! `tracklens train`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use indicatif::ProgressBar;
+
+use super::extract::{cancel_on_interrupt, show};
+use super::files::{self, Folder};
+use crate::checkpoint::{Architecture, SaeConfig};
+use crate::error::{Error, Result};
+use crate::event::Event;
+use crate::train::{Dataset, Split, TrainConfig, train};
+
+#[derive(Debug, Args)]
+pub(super) struct TrainArguments {
+    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP)
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder
+    #[arg(long, value_name = "GT.csv")]
+    truth: Option<PathBuf>,
+    /// Architecture: basic, with any of -vel, -std, -bg (e.g. basic-vel-std-bg)
+    #[arg(long, default_value = "basic")]
+    arch: Architecture,
+    /// Run folder to write; must not hold a run yet
+    #[arg(long, value_name = "RUN_DIR")]
+    out: PathBuf,
+    /// Passes over the training sequences
+    #[arg(long, default_value_t = 500)]
+    epochs: u32,
+    /// Seeds weights, split, order and noise
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Snippets of three frames a step
+    #[arg(long, default_value_t = 32)]
+    batch: usize,
+    /// Adam's learning rate
+    #[arg(long, default_value_t = 1e-3)]
+    learning_rate: f64,
+    /// Standard deviation of the noise on the input
+    #[arg(long, default_value_t = 1e-3)]
+    noise: f32,
+    /// Shares of the sequences for training and validation; the rest stays unseen
+    #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25", value_parser = parse_split)]
+    split: Split,
+    /// Number of keypoints
+    #[arg(long, default_value_t = 16)]
+    keypoints: usize,
+    /// Output channels of the encoder's blocks
+    #[arg(long, value_name = "A,B,C", default_value = "32,64,128", value_parser = parse_channels)]
+    encoder_channels: [usize; 3],
+    /// Output channels of the decoder's convolutions
+    #[arg(long, value_name = "A,B,C", default_value = "64,32,16", value_parser = parse_channels)]
+    decoder_channels: [usize; 3],
+    /// Side that frames are resized to before the encoder; default: their own size
+    #[arg(long, value_name = "PIXELS")]
+    input_size: Option<usize>,
+    /// Side of the reconstruction
+    #[arg(long, value_name = "PIXELS", default_value_t = 64)]
+    target_size: usize,
+    /// Standard deviation of the decoder's Gaussian maps (initial value with -std)
+    #[arg(long, default_value_t = 0.1)]
+    sigma: f64,
+    /// Threads; default: all cores
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+}
+
+fn parse_channels(text: &str) -> Result<[usize; 3]> {
+    let counts: Option<Vec<usize>> = text.split(',').map(|c| c.trim().parse().ok()).collect();
+    counts.and_then(|c| c.try_into().ok()).ok_or_else(|| {
+        Error::input(format!("`{text}` is no list of channel counts; expected three, e.g. 32,64,128"))
+    })
+}
+
+fn parse_split(text: &str) -> Result<Split> {
+    let shares = text.split_once(',').and_then(|(t, v)| Some((t.trim().parse().ok()?, v.trim().parse().ok()?)));
+    shares
+        .map(|(training, validation)| Split { training, validation })
+        .ok_or_else(|| Error::input(format!("`{text}` is no split; expected two shares, e.g. 0.5,0.25")))
+}
+
+impl TrainArguments {
+    fn config(&self) -> TrainConfig {
+        TrainConfig {
+            sae: SaeConfig {
+                architecture: self.arch,
+                keypoints: self.keypoints,
+                encoder_channels: self.encoder_channels,
+                decoder_channels: self.decoder_channels,
+                input_size: self.input_size.map(|side| [side, side]),
+                target_size: [self.target_size, self.target_size],
+                sigma: self.sigma,
+            },
+            epochs: self.epochs,
+            seed: self.seed,
+            batch: self.batch,
+            learning_rate: self.learning_rate,
+            noise: self.noise,
+            split: self.split,
+        }
+    }
+}
+
+pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
+    let config = arguments.config();
+    config.validate()?;
+    if let Some(threads) = arguments.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
+    }
+    let truth = arguments.truth.clone().unwrap_or_else(|| arguments.data.join("ground_truth.csv"));
+    let truth = files::read_ground_truth(&truth)?;
+    let folder = Folder::open(&arguments.data)?;
+    let cancel = cancel_on_interrupt()?;
+    let read = |i: usize| Ok((folder.path(i).display().to_string(), files::read(folder.path(i))?));
+    eprintln!("reading {} frames", folder.len());
+    let dataset = Dataset::load(&folder.index, read, &truth, &config.sae, &cancel)?;
+    for notice in &dataset.notices {
+        eprintln!("note: {notice}");
+    }
+    let bar = if arguments.quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+    let mut report = |event: Event| show(&bar, &event);
+    let summary = train(&config, &dataset, &arguments.out, &mut report, &cancel)?;
+    if let Some(last) = &summary.last {
+        let errors: Vec<String> = last
+            .errors
+            .iter()
+            .map(|(name, error)| match error {
+                Some(error) => format!("{name} {error:.4}"),
+                None => format!("{name} not visible"),
+            })
+            .collect();
+        eprintln!("epoch {}: TC {:.3} on the validation sequences; errors: {}", last.epoch, last.tc, errors.join(", "));
+    }
+    eprintln!("written to {}", arguments.out.display());
+    if summary.interrupted {
+        return Err(Error::cancelled().at(format!("after {} whole epochs", summary.epochs)));
+    }
+    Ok(())
+}

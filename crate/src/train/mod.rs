@@ -1,0 +1,19 @@
+//! Training of the spatial autoencoders, as the paper's authors train them.
+//!
+//! A batch is a number of *snippets* of three consecutive frames; all their frames pass the encoder together, so that
+//! batch norm sees them all. The loss is the mean squared error of the reconstructions, plus, for `-vel`, 0.1 times
+//! the mean squared change of the keypoints' velocity within a snippet. Every epoch ends with the metric on sequences
+//! that are not trained on, on the first frame of every snippet.
+
+mod config;
+mod dataset;
+mod run;
+mod trainer;
+
+pub use config::{Split, TrainConfig};
+pub use dataset::{Dataset, Sequence};
+pub use run::{EpochLog, TrainSummary, train};
+pub use trainer::{Losses, Trainer};
+
+/// Frames in a snippet.
+pub const SNIPPET: usize = 3;
