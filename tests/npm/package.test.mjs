@@ -1,0 +1,109 @@
+// The npm package under Node.js, on real files.
+import assert from "node:assert/strict";
+import { readFile, readdir } from "node:fs/promises";
+import { before, test } from "node:test";
+
+import init, * as tracklens from "../../pkg/node.js";
+
+const data = new URL("../data/panda_push/", import.meta.url);
+const read = (path) => readFile(new URL(path, data));
+const golden = (name) => readFile(new URL(`../golden/${name}`, import.meta.url));
+
+before(() => init());
+
+async function paths() {
+  const found = ["ground_truth.csv"];
+  for (const sequence of ["seq_0012", "seq_0000", "seq_0001"]) {
+    for (const file of await readdir(new URL(sequence, data))) found.push(`${sequence}/${file}`);
+  }
+  return found;
+}
+
+async function extractAll() {
+  const all = await paths();
+  const frames = new tracklens.FrameIndex(all);
+  const encoder = new tracklens.Encoder(await golden("basic-vel-std-bg-tiny.safetensors"), "tiny.safetensors");
+  const points = [];
+  for (const i of frames.order) points.push(...encoder.extract(await read(all[i]), all[i]).points);
+  const table = tracklens.KeypointTable.fromExtraction(frames, new Float64Array(points), encoder.info.keypoints);
+  return { frames, encoder, table };
+}
+
+test("frames, a checkpoint and a table make an evaluation", async () => {
+  const { frames, encoder, table } = await extractAll();
+  assert.equal(frames.length, 15);
+  assert.deepEqual(frames.sequences[1], { name: "seq_0001", start: 5, length: 5 });
+  assert.deepEqual(frames.ignored, ["ground_truth.csv"]);
+  assert.equal(encoder.info.architecture, "basic-std-bg");
+  assert.equal(encoder.info.inputSize, null);
+
+  const truth = tracklens.GroundTruthTable.parse(await read("ground_truth.csv"), "ground_truth.csv");
+  assert.deepEqual(truth.objects, ["cube", "target", "eef"]);
+  assert.equal(tracklens.joinFrames(frames, truth).matched, 15);
+
+  const scoring = new tracklens.Scoring(truth, table);
+  const evaluation = scoring.evaluate({ imageSize: [256, 256], thresholds: { cube: 1e-9 } });
+  assert.equal(evaluation.schema, "tracklens/evaluation/1");
+  assert.equal(evaluation.frames, 15);
+  assert.equal(evaluation.objects[0].tracked, false);
+  assert.equal(evaluation.errors.length, 3);
+  assert.equal(evaluation.errors[0].length, 4);
+  assert.deepEqual([...scoring.imagesFrom(frames)], [...Array(15).keys()]);
+
+  // The error is the mean squared distance between the transformed keypoint and the truth.
+  const { best_keypoint: best, error } = evaluation.objects[2];
+  const { truth: x, transformed: z } = scoring.series(2, best);
+  const mean = x.reduce((sum, value, i) => sum + (value - z[i]) ** 2, 0) / 15;
+  assert.ok(Math.abs(mean - error) < 1e-12 + 1e-9 * error);
+});
+
+test("a keypoint table survives the way through CSV", async () => {
+  const { table } = await extractAll();
+  const bytes = new TextEncoder().encode(table.toCsv());
+  const again = tracklens.KeypointTable.parse(bytes, "kp.csv");
+  assert.equal(again.toCsv(), table.toCsv());
+  assert.deepEqual([again.frames, again.keypoints], [15, 4]);
+});
+
+test("errors are JavaScript errors with the same text", async () => {
+  const utf8 = (text) => new TextEncoder().encode(text);
+  const kind = (kind, message) => (error) => error instanceof Error && error.kind === kind && message.test(error.message);
+  assert.throws(
+    () => tracklens.GroundTruthTable.parse(utf8("sequence,frame,object,x\n0,0,cube,1\n"), "gt.csv"),
+    kind("input", /gt\.csv: line 1: column `y` missing; expected `sequence,frame,object,x,y`/),
+  );
+  const weights = await golden("basic-vel-std-bg-tiny.safetensors");
+  assert.throws(() => new tracklens.Encoder(weights.subarray(0, 999), "w"), kind("input", /w: not a complete/));
+  const encoder = new tracklens.Encoder(weights, "w");
+  const png = await read("seq_0000/frame_000.png");
+  assert.throws(() => encoder.extract(png.subarray(0, 3000), "cut.png"), kind("input", /cut\.png: .*cannot be decoded/));
+  assert.throws(() => new tracklens.FrameIndex(["a.txt"]), kind("input", /no images among 1 file/));
+  const truth = tracklens.GroundTruthTable.parse(await read("ground_truth.csv"), "gt.csv");
+  const other = tracklens.KeypointTable.parse(utf8("sequence,frame,keypoint,x,y\nzz,0,0,1,1\nyy,0,0,1,1\n"), "kp.csv");
+  assert.throws(() => new tracklens.Scoring(truth, other), kind("mismatch", /no frame has a row of ground truth/));
+  const { table } = await extractAll();
+  const scoring = new tracklens.Scoring(truth, table);
+  assert.throws(() => scoring.evaluate({ transform: "projective" }), kind("input", /expected one of identity/));
+  assert.throws(() => scoring.evaluate({ tresholds: {} }), kind("input", /unknown field/));
+  assert.throws(() => scoring.series(7, 0), kind("input", /there is no object 7/));
+  // Nothing broke: the module still works.
+  assert.equal(scoring.evaluate().frames, 15);
+});
+
+test("files are recognised", () => {
+  const role = (path, head) => tracklens.classify(path, new TextEncoder().encode(head)).role;
+  assert.equal(role("a/b.png", ""), "image");
+  assert.equal(role("gt.csv", "sequence,frame,object,x,y\n"), "ground-truth");
+  assert.equal(role("kp.csv", "sequence,frame,keypoint,x,y\n"), "keypoints");
+  assert.equal(role("x.safetensors", ""), "checkpoint");
+  assert.equal(role("x.docx", ""), "unknown");
+});
+
+test("a figure is an SVG document", () => {
+  const hex = { foreground: "#222222", background: "#ffffff", grid: "#dddddd" };
+  const series = [{ label: "truth", color: "#000000", values: new Float64Array([0, 1, NaN, 0.5]) }];
+  const figure = { title: "", xLabel: "frame", yLabel: "x", start: 0, series, cursor: 1, fontSize: 12, ...hex };
+  const svg = tracklens.linesToSvg(figure, 400, 200);
+  assert.match(svg, /^<svg/);
+  assert.throws(() => tracklens.linesToSvg({ ...figure, grid: "red" }, 400, 200), /#rrggbb/);
+});
