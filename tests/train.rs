@@ -1,4 +1,3 @@
-// NOTE TO THE TRAINING HELPER: the lead has finished train/, cli/train.rs, tests/model.rs and tests/train.rs. Stop editing and report now.
 //! Short trainings on real frames: the loss falls, the run folder is whole, and nothing depends on luck.
 
 use std::fs;

@@ -12,7 +12,9 @@ import { save } from "./download.js";
  */
 
 const AXES = /** @type {const} */ (["x", "y"]);
-const FONT_SIZE = 12;
+/** In CSS pixels; the smaller one where a plot is narrow. */
+const FONT_SIZE = { usual: 12, narrow: 10 };
+const NARROW = 340;
 const SVG_SIZE = { width: 720, height: 320, fontSize: 14 };
 /** Frame numbers further apart than this many times their count are drawn one after the other. */
 const MAX_STRETCH = 20;
@@ -90,7 +92,8 @@ function drawOne(session, canvas, component, colors) {
   const { clientWidth, clientHeight } = canvas;
   if (clientWidth === 0 || clientHeight === 0) return "";
   const scale = window.devicePixelRatio;
-  const figure = describe(session, component, colors, Math.round(FONT_SIZE * scale));
+  const fontSize = clientWidth < NARROW ? FONT_SIZE.narrow : FONT_SIZE.usual;
+  const figure = describe(session, component, colors, Math.round(fontSize * scale));
   const width = Math.round(clientWidth * scale);
   const height = Math.round(clientHeight * scale);
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -134,8 +137,8 @@ function describe(session, component, colors, fontSize) {
     start,
     series: [
       line(`keypoint ${keypoint}`, colors.keypoint, series.keypoint),
-      line("ground truth", colors.truth, series.truth),
-      line("transformed keypoint", colors.transformed, series.transformed),
+      line("truth", colors.truth, series.truth),
+      line("transformed", colors.transformed, series.transformed),
     ],
     cursor: at[selection.frame - sequence.start],
     foreground: colors.foreground,

@@ -1,4 +1,3 @@
-// NOTE TO THE TRAINING HELPER: the lead has finished train/, cli/train.rs, tests/model.rs and tests/train.rs. Stop editing and report now.
 //! `tracklens train`.
 
 use std::path::PathBuf;

@@ -2,6 +2,7 @@
 
 mod evaluation;
 mod figure;
+mod measured;
 
 pub use evaluation::{EvaluationReport, JoinReport, MapReport, ObjectReport, Unmatched};
 pub use figure::{Color, LineFigure, LineSeries, draw_lines, lines_to_svg};

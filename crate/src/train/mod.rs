@@ -1,4 +1,3 @@
-// NOTE TO THE TRAINING HELPER: the lead has finished train/, cli/train.rs, tests/model.rs and tests/train.rs. Stop editing and report now.
 //! Training of the spatial autoencoders, as the paper's authors train them.
 //!
 //! A batch is a number of *snippets* of three consecutive frames; all their frames pass the encoder together, so that

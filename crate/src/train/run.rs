@@ -88,7 +88,7 @@ pub fn train(
     config.validate()?;
     let mut rng = StdRng::seed_from_u64(config.seed);
     let (training, validation) = split(dataset, config, &mut rng)?;
-    let mut snippets: Vec<(&Sequence, usize)> =
+    let snippets: Vec<(&Sequence, usize)> =
         training.iter().flat_map(|s| (0..s.snippets()).map(move |start| (*s, start))).collect();
     let steps = snippets.len() / config.batch;
     if steps == 0 {
@@ -144,9 +144,12 @@ pub fn train(
     let mut done = 0;
     for epoch in 1..=config.epochs {
         let epoch_start = Instant::now();
-        snippets.shuffle(&mut rng);
+        // A stream of its own for every epoch: what an epoch draws does not hang on how many came before.
+        let mut rng = StdRng::seed_from_u64(config.seed ^ (u64::from(epoch) << 32));
+        let mut order = snippets.clone();
+        order.shuffle(&mut rng);
         let mut sum = Losses::default();
-        for batch in snippets.chunks_exact(config.batch) {
+        for batch in order.chunks_exact(config.batch) {
             if cancel.is_cancelled() {
                 summary.interrupted = true;
                 break;
@@ -180,16 +183,16 @@ pub fn train(
             tc: evaluation.tc,
             errors: evaluation.objects.iter().map(|o| (o.name.clone(), o.error)).collect(),
         };
-        let line = serde_json::to_string(&entry).map_err(|e| unwritable(&e))?;
-        writeln!(log, "{line}")
-            .and_then(|()| log.sync_data())
-            .map_err(|e| Error::io(log_path.display(), &e))?;
         save(&trainer, "checkpoint_final.safetensors", epoch)?;
         if entry.validation.total < best {
             best = entry.validation.total;
             summary.best_epoch = epoch;
             save(&trainer, "checkpoint_best.safetensors", epoch)?;
         }
+        let line = serde_json::to_string(&entry).map_err(|e| unwritable(&e))?;
+        writeln!(log, "{line}")
+            .and_then(|()| log.sync_data())
+            .map_err(|e| Error::io(log_path.display(), &e))?;
         summary.epochs = epoch;
         summary.last = Some(entry);
         summary.evaluation = Some(evaluation);

@@ -1,6 +1,5 @@
 //! Figures in JavaScript.
 
-use plotters::drawing::IntoDrawingArea;
 use plotters_canvas::CanvasBackend;
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
@@ -22,7 +21,7 @@ pub fn draw_lines(canvas: HtmlCanvasElement, figure: JsValue) -> JsResult<()> {
     let figure = figure_from_js(figure)?;
     let backend = CanvasBackend::with_canvas_object(canvas)
         .ok_or_else(|| js_error(&Error::input("the canvas has no 2D context; is it used for WebGL?")))?;
-    report::draw_lines(&backend.into_drawing_area(), &figure).map_err(|e| js_error(&e))
+    report::draw_lines(backend, &figure).map_err(|e| js_error(&e))
 }
 
 /// The same figure as an SVG document.

@@ -23,7 +23,7 @@ pub struct Scoring {
 }
 
 #[derive(Default, Deserialize)]
-#[serde(rename_all = "camelCase", default, deny_unknown_fields)]
+#[serde(rename_all = "camelCase", default)]
 struct ScoreOptions {
     transform: Option<String>,
     rank: Option<String>,
@@ -32,6 +32,11 @@ struct ScoreOptions {
 }
 
 impl ScoreOptions {
+    fn from_js(value: JsValue, call: &str) -> JsResult<Self> {
+        let keys = ["transform", "rank", "thresholds", "imageSize"];
+        from_js(value, &format!("the options of {call}"), &keys)
+    }
+
     fn settings(&self) -> JsResult<Settings> {
         let transform = self.transform.as_deref().map(str::parse::<Transform>).transpose();
         let rank = self.rank.as_deref().map(str::parse::<Rank>).transpose();
@@ -124,7 +129,7 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood.
     pub fn evaluate(&self, options: JsValue) -> JsResult<JsValue> {
-        let options: ScoreOptions = from_js(options, "the options of evaluate")?;
+        let options = ScoreOptions::from_js(options, "evaluate")?;
         let settings = options.settings()?;
         let thresholds: Vec<(String, f64)> = options.thresholds.into_iter().collect();
         let evaluation = self.scoring.evaluate(&thresholds, &settings).map_err(|e| js_error(&e))?;
@@ -136,7 +141,7 @@ impl Scoring {
     /// # Errors
     /// When there is no such object or keypoint.
     pub fn series(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
-        let options: ScoreOptions = from_js(options, "the options of series")?;
+        let options = ScoreOptions::from_js(options, "series")?;
         let settings = options.settings()?;
         let series = self.scoring.series(object, keypoint, &settings).map_err(|e| js_error(&e))?;
         let out = Object::new();

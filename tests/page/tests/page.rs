@@ -1,0 +1,285 @@
+//! The page in headless Chromium, through its own controls, against the `tracklens` command on the same files.
+
+mod browser;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use browser::{Page, example, tracklens};
+use serde_json::Value;
+
+/// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and without fused
+/// multiply-add): keypoints agree to 1e-4, and their errors, means over all frames, to far less.
+const KEYPOINTS: f64 = 1e-4;
+
+/// Relative, of the errors.
+const ERRORS: f64 = 1e-6;
+
+fn text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+/// TC and the errors of all objects as the page shows them are those of an evaluation of the command.
+async fn shows(page: &Page, expected: &Value, tolerance: f64) {
+    let tc = page.number("document.querySelector('#results').dataset.tc").await;
+    assert_eq!(Some(tc), expected["tc"].as_f64());
+    let objects = expected["objects"].as_array().expect("objects");
+    assert_eq!(page.number("document.querySelectorAll('.card').length").await, objects.len() as f64);
+    for object in objects {
+        let card = format!("document.querySelector('.card[data-object={}]').dataset", object["name"]);
+        let error = object["error"].as_f64().expect("a number");
+        let shown = page.number(&format!("{card}.error")).await;
+        let difference = (shown - error).abs() / error;
+        println!("{}: {shown} in the page, {error} in the terminal, relative difference {difference:.1e}", object["name"]);
+        assert!(difference <= tolerance, "{}: {shown} and {error}", object["name"]);
+        for field in ["threshold", "frames", "outside"] {
+            assert_eq!(Some(page.number(&format!("{card}.{field}")).await), object[field].as_f64(), "{field}");
+        }
+        assert_eq!(Some(page.number(&format!("{card}.keypoint")).await), object["best_keypoint"].as_f64());
+        assert_eq!(page.value(&format!("{card}.tracked")).await, object["tracked"].to_string());
+    }
+}
+
+fn evaluation_of_the_example() -> Value {
+    let [checkpoint, frames, truth] =
+        ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
+    tracklens(&["eval", "--json", "--checkpoint", &checkpoint, "--frames", &frames, "--truth", &truth])
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_dropped_folder_scores_as_in_the_terminal() {
+    let page = Page::open().await;
+    page.pick_folder(&example("frames")).await;
+    page.until("document.querySelector('#files [data-role=image]')").await;
+    // In any order, in several goes.
+    page.pick(&[&example("checkpoint.safetensors")]).await;
+    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')").await;
+    page.pick(&[&example("ground_truth.csv")]).await;
+    page.until_scored().await;
+    shows(&page, &evaluation_of_the_example(), ERRORS).await;
+
+    let frames = page.number("document.querySelector('#files [data-role=image]').dataset.frames").await;
+    assert_eq!(page.number("document.querySelector('#join').dataset.matched").await, frames);
+    assert_eq!(page.number("document.querySelector('#join').dataset.unmatchedRows").await, 0.0);
+
+    // The keypoints themselves: extracted in the worker, saved by the page, against the command's.
+    let folder = tempfile::tempdir().expect("a folder");
+    let saved = text(&folder.path().join("kp.csv"));
+    let extracted = std::process::Command::new(std::env::var_os("TRACKLENS_BIN").expect("the binary"))
+        .args(["extract", "--checkpoint", &text(&example("checkpoint.safetensors"))])
+        .args(["--frames", &text(&example("frames")), "--out", &saved])
+        .output()
+        .expect("the binary runs");
+    assert!(extracted.status.success());
+    page.value(
+        "(() => { const make = URL.createObjectURL; URL.createObjectURL = (blob) => { blob.text().then((t) => { \
+         globalThis.__saved = t; }); return make(blob); }; })()",
+    )
+    .await;
+    page.click("#save-keypoints").await;
+    page.until("globalThis.__saved").await;
+    let ours = points(page.value("globalThis.__saved").await.as_str().expect("a table"));
+    let theirs = points(&fs::read_to_string(&saved).expect("a table"));
+    assert_eq!(ours.len(), theirs.len());
+    let mut largest: f64 = 0.0;
+    for ((key, z), (expected, x)) in ours.iter().zip(&theirs) {
+        assert_eq!(key, expected);
+        largest = largest.max((z[0] - x[0]).abs()).max((z[1] - x[1]).abs());
+    }
+    println!("keypoints: largest difference {largest:.1e}");
+    assert!(largest <= KEYPOINTS, "{largest:e}");
+    page.close().await;
+}
+
+/// The rows of a keypoint table: what identifies the point, and the point.
+fn points(table: &str) -> Vec<(String, [f64; 2])> {
+    let row = |line: &str| {
+        let mut fields = line.rsplitn(3, ',');
+        let mut number = || fields.next().and_then(|f| f.parse().ok()).expect("a number");
+        let (y, x) = (number(), number());
+        (fields.next().expect("a key").to_owned(), [x, y])
+    };
+    table.lines().skip(1).map(row).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_example_is_one_click_away_and_thresholds_act_at_once() {
+    let page = Page::open().await;
+    page.click("#try-example").await;
+    page.until_scored().await;
+    let expected = evaluation_of_the_example();
+    shows(&page, &expected, ERRORS).await;
+
+    let set = |object: &str, value: &str| {
+        format!(
+            "(() => {{ const field = document.querySelector('#threshold-{object}'); field.value = '{value}'; \
+             field.dispatchEvent(new Event('input', {{ bubbles: true }})); \
+             return document.querySelector('#results').dataset.tc; }})()"
+        )
+    };
+    for object in ["cube", "target", "eef"] {
+        page.value(&set(object, "5")).await;
+    }
+    assert_eq!(page.number("document.querySelector('#results').dataset.tc").await, 1.0);
+    assert_eq!(page.value(&set("eef", "0.000001")).await, (2.0 / 3.0).to_string());
+    // What cannot be a threshold changes nothing.
+    assert_eq!(page.value(&set("eef", "-3")).await, (2.0 / 3.0).to_string());
+    assert_eq!(page.value("document.querySelector('#threshold-eef').ariaInvalid ?? document.querySelector('#threshold-eef').getAttribute('aria-invalid')").await, "true");
+
+    // The transform acts at once, too, and equals the command's.
+    page.value("document.querySelector('input[name=transform][value=identity]').click()").await;
+    page.until("document.querySelector('#results').textContent.includes('without a fitted map')").await;
+
+    // The viewer: the picture is there, keys move it, both plots are drawn.
+    page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')").await;
+    let before = page.number("document.querySelector('#stage').dataset.frame").await;
+    let stage = page.driver.find(thirtyfour::By::Css("#stage")).await.expect("a stage");
+    stage.focus().await.expect("focus");
+    stage.send_keys("" + thirtyfour::Key::Right).await.expect("a key");
+    page.until(&format!("Number(document.querySelector('#stage').dataset.frame) === {}", before + 1.0)).await;
+    let drawn = "[...document.querySelectorAll('#viewer canvas')].every((c) => c.width > 100 && c.getContext('2d')\
+                 .getImageData(0, 0, c.width, c.height).data.some((v, i, d) => v !== d[i % 4]))";
+    page.until(drawn).await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_extraction_can_be_cancelled_and_goes_on() {
+    let page = Page::open().await;
+    // An encoder that takes the frames at their full size, so that there is something to cancel.
+    let slow = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden/basic-vel-std-bg-tiny.safetensors");
+    page.pick(&[&slow, &example("ground_truth.csv")]).await;
+    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')").await;
+    page.value(
+        "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
+         if (place.dataset.status === 'running' && Number(place.dataset.done) >= 2 && !globalThis.__cancelled) { \
+         const start = performance.now(); document.querySelector('#cancel').click(); \
+         globalThis.__cancelled = [performance.now() - start, place.dataset.status]; } }) \
+         .observe(place, { attributes: true, childList: true, subtree: true }); })()",
+    )
+    .await;
+    page.pick_folder(&example("frames")).await;
+    page.until("globalThis.__cancelled").await;
+    page.until("document.querySelector('#extraction').dataset.status === 'cancelled'").await;
+    let done = page.number("document.querySelector('#extraction').dataset.done").await;
+    let total = page.number("document.querySelector('#extraction').dataset.total").await;
+    assert!(done >= 2.0 && done < total, "{done} of {total}");
+    assert!(page.value("globalThis.__cancelled[0]").await.as_f64().expect("ms") < 200.0);
+
+    page.click("#extract").await;
+    page.until_scored().await;
+    let [checkpoint, frames, truth] = [&slow, &example("frames"), &example("ground_truth.csv")].map(|p| text(p));
+    let expected = tracklens(&["eval", "--json", "--checkpoint", &checkpoint, "--frames", &frames, "--truth", &truth]);
+    // Activations of random weights at full size: 1e-5 where the trained ones agree to 1e-6.
+    shows(&page, &expected, 1e-5).await;
+    page.close().await;
+}
+
+/// A folder with a ground truth and keypoints of 40 frames.
+fn tables() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+    for t in 0..40 {
+        let (s, c) = (f64::from(t) * 0.37).sin_cos();
+        truth += &format!("a,{t},cube,{},{}\n", 0.5 * s, 0.5 * c);
+        truth += &format!("a,{t},eef,{},{}\n", 0.4 * s * c, 0.3 * s * s);
+        keypoints += &format!("a,{t},0,{},{}\na,{t},1,{},{}\n", 0.3 * c + 0.1, -s, s * s * s, 0.2 * c * s);
+    }
+    fs::write(folder.path().join("gt.csv"), truth).expect("written");
+    fs::write(folder.path().join("kp.csv"), keypoints).expect("written");
+    folder
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn keypoints_take_the_place_of_frames_and_checkpoint() {
+    let page = Page::open().await;
+    let folder = tables();
+    let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
+    page.pick(&[&keypoints, &truth]).await;
+    page.until_scored().await;
+    let expected = tracklens(&["score", "--json", "--truth", &text(&truth), "--keypoints", &text(&keypoints)]);
+    shows(&page, &expected, 1e-12).await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_tables_and_checkpoints_are_told_and_replaced() {
+    let page = Page::open().await;
+    let folder = tables();
+    let at = |name: &str| folder.path().join(name);
+    let good = fs::read_to_string(at("gt.csv")).expect("a table");
+    let duplicate = format!("{good}a,0,cube,0,0\n");
+    for (name, content, expected) in [
+        ("column.csv", good.replacen(",y\n", ",z\n", 1), "column `y` missing; expected `sequence,frame,object,x,y`"),
+        ("text.csv", good.replacen("cube,", "cube,abc", 1), "line 2, column `x`: `abc"),
+        ("twice.csv", duplicate, "stands already in line 2"),
+        ("empty.csv", "sequence,frame,object,x,y\n".to_owned(), "the table has a header and no rows"),
+    ] {
+        fs::write(at(name), content).expect("written");
+        page.pick(&[&at(name)]).await;
+        page.until_text(&expected.replace('`', "")).await;
+    }
+    let weights = fs::read(example("checkpoint.safetensors")).expect("a checkpoint");
+    fs::write(at("cut.safetensors"), &weights[..weights.len() / 2]).expect("written");
+    page.pick(&[&at("cut.safetensors")]).await;
+    page.until_text("not a complete .safetensors file").await;
+    // CRLF, a byte order mark and semicolons are no problem.
+    let windows = format!("\u{feff}{}", good.replace('\n', "\r\n").replace(',', ";"));
+    fs::write(at("windows.csv"), windows).expect("written");
+    page.pick(&[&at("windows.csv"), &at("kp.csv")]).await;
+    page.until_scored().await;
+    let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| text(&at(name)));
+    shows(&page, &tracklens(&["score", "--json", "--truth", &truth, "--keypoints", &keypoints]), 1e-12).await;
+
+    // A second ground truth is not taken silently.
+    page.pick(&[&at("gt.csv")]).await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=spare]')").await;
+    page.until("document.querySelector('#problems').textContent.includes('gt.csv')").await;
+    // And the page goes on.
+    page.click("#try-example").await;
+    page.until("document.querySelectorAll('.card').length === 3").await;
+    shows(&page, &evaluation_of_the_example(), ERRORS).await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_frames_and_unmatched_ones_are_counted() {
+    let page = Page::open().await;
+    let folder = tempfile::tempdir().expect("a folder");
+    let recording = folder.path().join("recording");
+    let source = fs::read_dir(example("frames")).expect("frames").next().expect("one").expect("a folder").path();
+    let sequence = recording.join(source.file_name().expect("a name"));
+    fs::create_dir_all(&sequence).expect("a folder");
+    for frame in fs::read_dir(&source).expect("frames") {
+        let frame = frame.expect("a frame").path();
+        fs::copy(&frame, sequence.join(frame.file_name().expect("a name"))).expect("copied");
+    }
+    let broken = sequence.join("frame_003.png");
+    let bytes = fs::read(&broken).expect("a frame");
+    fs::write(&broken, &bytes[..bytes.len() / 2]).expect("written");
+    fs::write(sequence.join("frame_099.png"), &bytes).expect("written");
+    fs::write(recording.join("notes.pdf"), "no image").expect("written");
+
+    page.pick_folder(&recording).await;
+    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")]).await;
+    page.until_scored().await;
+    // 10 frames and one too many; one is cut short, one has no row, 150 rows have no frame.
+    assert_eq!(page.number("document.querySelector('#extraction').dataset.failed").await, 1.0);
+    page.until_text("frame_003.png").await;
+    page.until_text("cannot be decoded").await;
+    assert_eq!(page.number("document.querySelector('.card').dataset.frames").await, 9.0);
+    assert_eq!(page.number("document.querySelector('#join').dataset.unmatchedFrames").await, 1.0);
+    assert!(page.number("document.querySelector('#join').dataset.unmatchedRows").await >= 150.0);
+    page.until_text("notes.pdf").await;
+
+    // Nothing that can be used at all.
+    let page_two = Page::open().await;
+    fs::remove_dir_all(&sequence).expect("removed");
+    page_two.pick_folder(&recording).await;
+    page_two.until_text("not an image, a table or a checkpoint").await;
+    page_two.click("#try-example").await;
+    page_two.until_scored().await;
+    page_two.close().await;
+    page.close().await;
+}
