@@ -9,11 +9,16 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 fn data(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests").join(name)
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests")
+        .join(name)
 }
 
 fn tracklens<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tracklens")).args(arguments).output().expect("the binary runs")
+    Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .args(arguments)
+        .output()
+        .expect("the binary runs")
 }
 
 fn stderr(output: &Output) -> String {
@@ -33,8 +38,10 @@ struct Tables {
 impl Tables {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let (mut truth, mut keypoints) =
-            (String::from("sequence,frame,object,x,y\n"), String::from("sequence,frame,keypoint,x,y\n"));
+        let (mut truth, mut keypoints) = (
+            String::from("sequence,frame,object,x,y\n"),
+            String::from("sequence,frame,keypoint,x,y\n"),
+        );
         for t in 0..40 {
             let (s, c) = (f64::from(t) * 0.37).sin_cos();
             let d = f64::from((t * 7919) % 40) / 40.0 - 0.5;
@@ -70,11 +77,17 @@ fn score_prints_the_documented_json() {
     let tables = Tables::new();
     let result = json(&tables.score(&["--image-size", "200x100"]));
     assert_eq!(result["schema"], "tracklens/evaluation/1");
-    assert_eq!((&result["transform"], &result["rank"]), (&"affine".into(), &"reference".into()));
+    assert_eq!(
+        (&result["transform"], &result["rank"]),
+        (&"affine".into(), &"reference".into())
+    );
     assert_eq!(result["frames"], 40);
     assert_eq!(result["tc"], 0.5);
     let cube = &result["objects"][0];
-    assert_eq!((&cube["name"], &cube["tracked"], &cube["best_keypoint"]), (&"cube".into(), &true.into(), &0.into()));
+    assert_eq!(
+        (&cube["name"], &cube["tracked"], &cube["best_keypoint"]),
+        (&"cube".into(), &true.into(), &0.into())
+    );
     assert_eq!(cube["threshold"], 0.015);
     assert!(cube["error"].as_f64().expect("a number") < 1e-12);
     // cube = (sin, cos), keypoint 0 = (cos / 2 + 0.1, -sin): cube = (-y, 2 x - 0.2).
@@ -87,7 +100,10 @@ fn score_prints_the_documented_json() {
         (&map["b"][0], 0.0),
         (&map["b"][1], -0.2),
     ] {
-        assert!((found.as_f64().expect("a number") - expected).abs() < 1e-9, "{map}");
+        assert!(
+            (found.as_f64().expect("a number") - expected).abs() < 1e-9,
+            "{map}"
+        );
     }
     assert_eq!(result["errors"][1].as_array().map(Vec::len), Some(2));
     assert_eq!(result["errors"][0][0], cube["error"]);
@@ -97,18 +113,35 @@ fn score_prints_the_documented_json() {
 #[test]
 fn thresholds_transforms_and_ranks_are_taken() {
     let tables = Tables::new();
-    let result = json(&tables.score(&["--threshold", "eef=9", "--transform", "scale-translate", "--rank", "centred"]));
+    let result = json(&tables.score(&[
+        "--threshold",
+        "eef=9",
+        "--transform",
+        "scale-translate",
+        "--rank",
+        "centred",
+    ]));
     assert_eq!(result["objects"][1]["threshold"], 9.0);
     assert_eq!(result["objects"][1]["tracked"], true);
-    assert_eq!((&result["transform"], &result["rank"]), (&"scale-translate".into(), &"centred".into()));
+    assert_eq!(
+        (&result["transform"], &result["rank"]),
+        (&"scale-translate".into(), &"centred".into())
+    );
 
     let unknown = tables.score(&["--threshold", "ball=1"]);
     assert_eq!(unknown.status.code(), Some(4));
-    assert!(stderr(&unknown).contains("`ball`; the ground truth has the objects cube, eef"), "{}", stderr(&unknown));
+    assert!(
+        stderr(&unknown).contains("`ball`; the ground truth has the objects cube, eef"),
+        "{}",
+        stderr(&unknown)
+    );
     for (more, expected) in [
         (["--threshold", "cube"], "expected NAME=VALUE"),
         (["--threshold", "cube=-1"], "expected NAME=VALUE"),
-        (["--transform", "projective"], "expected one of identity, scale-translate, affine"),
+        (
+            ["--transform", "projective"],
+            "expected one of identity, scale-translate, affine",
+        ),
         (["--rank", "full"], "expected one of reference, centred"),
         (["--image-size", "256"], "expected WIDTHxHEIGHT"),
     ] {
@@ -130,12 +163,24 @@ fn csv_has_one_line_an_object() {
 #[test]
 fn frames_without_partner_are_counted_and_shown() {
     let tables = Tables::new();
-    tables.write("gt.csv", &format!("{}b,0,cube,0,0\n", tables.read("gt.csv").replace("a,39,", "a,99,")));
+    tables.write(
+        "gt.csv",
+        &format!(
+            "{}b,0,cube,0,0\n",
+            tables.read("gt.csv").replace("a,39,", "a,99,")
+        ),
+    );
     let output = tables.score(&[]);
     assert_eq!(json(&output)["frames"], 39);
     let told = stderr(&output);
-    assert!(told.contains("1 frames have no row of ground truth and do not count: sequence a, frame 39"), "{told}");
-    assert!(told.contains("2 frames of the ground truth have no keypoints"), "{told}");
+    assert!(
+        told.contains("1 frames have no row of ground truth and do not count: sequence a, frame 39"),
+        "{told}"
+    );
+    assert!(
+        told.contains("2 frames of the ground truth have no keypoints"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -143,16 +188,40 @@ fn bad_tables_name_file_line_and_remedy() {
     let tables = Tables::new();
     let good = tables.read("gt.csv");
     for (text, code, expected) in [
-        (good.replace("object", "thing"), 3, "column `object` missing; expected `sequence,frame,object,x,y`"),
-        (good.replacen("eef,", "eef,abc", 1), 3, "gt.csv: line 3, column `x`: `abc"),
-        (format!("{good}a,0,cube,0,0\n"), 3, "gt.csv: line 82: sequence a, frame 0, object cube stands already in line 2"),
-        ("sequence,frame,object,x,y\r\n".to_owned(), 3, "the table has a header and no rows"),
-        (good.replace("a,", "z1,").replacen("z1,", "z2,", 1), 4, "no frame has a row of ground truth"),
+        (
+            good.replace("object", "thing"),
+            3,
+            "column `object` missing; expected `sequence,frame,object,x,y`",
+        ),
+        (
+            good.replacen("eef,", "eef,abc", 1),
+            3,
+            "gt.csv: line 3, column `x`: `abc",
+        ),
+        (
+            format!("{good}a,0,cube,0,0\n"),
+            3,
+            "gt.csv: line 82: sequence a, frame 0, object cube stands already in line 2",
+        ),
+        (
+            "sequence,frame,object,x,y\r\n".to_owned(),
+            3,
+            "the table has a header and no rows",
+        ),
+        (
+            good.replace("a,", "z1,").replacen("z1,", "z2,", 1),
+            4,
+            "no frame has a row of ground truth",
+        ),
     ] {
         tables.write("gt.csv", &text);
         let output = tables.score(&[]);
         assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
-        assert!(stderr(&output).contains(expected), "{}\nexpected: {expected}", stderr(&output));
+        assert!(
+            stderr(&output).contains(expected),
+            "{}\nexpected: {expected}",
+            stderr(&output)
+        );
         assert!(output.stdout.is_empty());
     }
     std::fs::remove_file(tables.folder.path().join("gt.csv")).expect("removed");
@@ -169,13 +238,22 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     tables.write("kp.csv", &text.replace(&line, "a,2,0,nan,0"));
     let refused = tables.score(&[]);
     assert_eq!(refused.status.code(), Some(3));
-    assert!(stderr(&refused).contains("sequence a, frame 2: keypoint 0 is (NaN, 0)"), "{}", stderr(&refused));
+    assert!(
+        stderr(&refused).contains("sequence a, frame 2: keypoint 0 is (NaN, 0)"),
+        "{}",
+        stderr(&refused)
+    );
     let counted = json(&tables.score(&["--non-finite", "exclude-frame"]));
-    assert_eq!((&counted["frames"], &counted["excluded"]), (&39.into(), &1.into()));
+    assert_eq!(
+        (&counted["frames"], &counted["excluded"]),
+        (&39.into(), &1.into())
+    );
 }
 
 fn checkpoint() -> String {
-    data("golden/basic-vel-std-bg-tiny.safetensors").to_string_lossy().into_owned()
+    data("golden/basic-vel-std-bg-tiny.safetensors")
+        .to_string_lossy()
+        .into_owned()
 }
 
 fn frames() -> String {
@@ -186,17 +264,51 @@ fn frames() -> String {
 fn eval_equals_extract_and_then_score() {
     let folder = tempfile::tempdir().expect("a folder");
     let keypoints = folder.path().join("kp.csv").to_string_lossy().into_owned();
-    let truth = data("data/panda_push/ground_truth.csv").to_string_lossy().into_owned();
-    let extracted = tracklens(&["extract", "--checkpoint", &checkpoint(), "--frames", &frames(), "--out", &keypoints]);
+    let truth = data("data/panda_push/ground_truth.csv")
+        .to_string_lossy()
+        .into_owned();
+    let extracted = tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint(),
+        "--frames",
+        &frames(),
+        "--out",
+        &keypoints,
+    ]);
     assert!(extracted.status.success(), "{}", stderr(&extracted));
-    assert!(stderr(&extracted).contains("4 keypoints of 15 frames written to"), "{}", stderr(&extracted));
-    let scored = json(&tracklens(&["score", "--truth", &truth, "--keypoints", &keypoints, "--image-size", "256x256"]));
+    assert!(
+        stderr(&extracted).contains("4 keypoints of 15 frames written to"),
+        "{}",
+        stderr(&extracted)
+    );
+    let scored = json(&tracklens(&[
+        "score",
+        "--truth",
+        &truth,
+        "--keypoints",
+        &keypoints,
+        "--image-size",
+        "256x256",
+    ]));
     for threads in ["1", "2"] {
         let evaluated = tracklens(&[
-            "eval", "--checkpoint", &checkpoint(), "--frames", &frames(), "--truth", &truth, "--threads", threads,
+            "eval",
+            "--checkpoint",
+            &checkpoint(),
+            "--frames",
+            &frames(),
+            "--truth",
+            &truth,
+            "--threads",
+            threads,
         ]);
         assert_eq!(json(&evaluated), scored, "{threads} threads");
-        assert!(stderr(&evaluated).contains("matched by the number in their name"), "{}", stderr(&evaluated));
+        assert!(
+            stderr(&evaluated).contains("matched by the number in their name"),
+            "{}",
+            stderr(&evaluated)
+        );
     }
     assert_eq!(scored["frames"], 15);
     assert!(scored["objects"][2]["rmse_px"].is_number());
@@ -214,16 +326,38 @@ fn bad_frames_are_named_or_counted() {
     let extract = |more: &[&str]| {
         let (frames, out) = (folder.path().to_string_lossy(), out.to_string_lossy());
         tracklens(
-            &[&["extract", "--checkpoint", &checkpoint(), "--frames", &frames, "--out", &out], more].concat(),
+            &[
+                &[
+                    "extract",
+                    "--checkpoint",
+                    &checkpoint(),
+                    "--frames",
+                    &frames,
+                    "--out",
+                    &out,
+                ],
+                more,
+            ]
+            .concat(),
         )
     };
     let refused = extract(&[]);
     assert_eq!(refused.status.code(), Some(3));
     let told = stderr(&refused);
-    assert!(told.contains("frame_1.png: the image cannot be decoded") && !out.exists(), "{told}");
+    assert!(
+        told.contains("frame_1.png: the image cannot be decoded") && !out.exists(),
+        "{told}"
+    );
     let skipped = extract(&["--skip-unreadable"]);
-    assert!(skipped.status.success() && stderr(&skipped).contains("1 of 2 frames are left out"), "{}", stderr(&skipped));
-    assert_eq!(std::fs::read_to_string(&out).expect("keypoints").lines().count(), 1 + 4);
+    assert!(
+        skipped.status.success() && stderr(&skipped).contains("1 of 2 frames are left out"),
+        "{}",
+        stderr(&skipped)
+    );
+    assert_eq!(
+        std::fs::read_to_string(&out).expect("keypoints").lines().count(),
+        1 + 4
+    );
 }
 
 #[test]
@@ -244,25 +378,47 @@ fn bad_sources_are_told() {
     let good = PathBuf::from(checkpoint());
     let empty = run(&good, folder.path());
     assert_eq!(empty.status.code(), Some(3));
-    assert!(stderr(&empty).contains("no images among 0 files; expected .png"), "{}", stderr(&empty));
+    assert!(
+        stderr(&empty).contains("no images among 0 files; expected .png"),
+        "{}",
+        stderr(&empty)
+    );
     let absent = run(&good, &folder.path().join("nowhere"));
     assert_eq!(absent.status.code(), Some(1));
     let cut = folder.path().join("cut.safetensors");
     std::fs::write(&cut, &std::fs::read(&good).expect("a checkpoint")[..1000]).expect("written");
     let cut = run(&cut, Path::new(&frames()));
     assert_eq!(cut.status.code(), Some(3));
-    assert!(stderr(&cut).contains("cut.safetensors: not a complete .safetensors file (1000 bytes"), "{}", stderr(&cut));
+    assert!(
+        stderr(&cut).contains("cut.safetensors: not a complete .safetensors file (1000 bytes"),
+        "{}",
+        stderr(&cut)
+    );
     let table = run(&data("data/panda_push/ground_truth.csv"), Path::new(&frames()));
-    assert!(stderr(&table).contains("not a complete .safetensors file"), "{}", stderr(&table));
+    assert!(
+        stderr(&table).contains("not a complete .safetensors file"),
+        "{}",
+        stderr(&table)
+    );
 }
 
 #[test]
 fn an_output_that_cannot_be_written_is_told() {
     let output = tracklens(&[
-        "extract", "--checkpoint", &checkpoint(), "--frames", &frames(), "--out", "/nowhere/at/all/kp.csv",
+        "extract",
+        "--checkpoint",
+        &checkpoint(),
+        "--frames",
+        &frames(),
+        "--out",
+        "/nowhere/at/all/kp.csv",
     ]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("/nowhere/at/all/kp.csv: "), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("/nowhere/at/all/kp.csv: "),
+        "{}",
+        stderr(&output)
+    );
 }
 
 #[test]

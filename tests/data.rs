@@ -14,15 +14,22 @@ use tracklens::data::{
 use tracklens::track::FrameKey;
 
 fn key(sequence: &str, frame: u64) -> FrameKey {
-    FrameKey { sequence: sequence.to_owned(), frame }
+    FrameKey {
+        sequence: sequence.to_owned(),
+        frame,
+    }
 }
 
 fn truth_error(text: &str) -> String {
-    parse_ground_truth(text.as_bytes(), "gt.csv").expect_err("bad input").to_string()
+    parse_ground_truth(text.as_bytes(), "gt.csv")
+        .expect_err("bad input")
+        .to_string()
 }
 
 fn keypoint_error(text: &str) -> String {
-    parse_keypoints(text.as_bytes(), "kp.csv").expect_err("bad input").to_string()
+    parse_keypoints(text.as_bytes(), "kp.csv")
+        .expect_err("bad input")
+        .to_string()
 }
 
 #[test]
@@ -39,9 +46,16 @@ fn a_table_is_read_in_natural_order_whatever_its_own() {
 #[test]
 fn byte_order_mark_crlf_semicolons_and_tabs_are_read() {
     let plain = "sequence,frame,object,x,y\n0,0,cube,0.1,0.2\n0,1,cube,0.3,0.4\n";
-    let expected = parse_ground_truth(plain.as_bytes(), "gt.csv").expect("a table").content;
+    let expected = parse_ground_truth(plain.as_bytes(), "gt.csv")
+        .expect("a table")
+        .content;
     let windows = format!("\u{feff}{}", plain.replace('\n', "\r\n"));
-    assert_eq!(parse_ground_truth(windows.as_bytes(), "gt.csv").expect("a table").content, expected);
+    assert_eq!(
+        parse_ground_truth(windows.as_bytes(), "gt.csv")
+            .expect("a table")
+            .content,
+        expected
+    );
     for (separator, word) in [(";", "semicolon"), ("\t", "tab")] {
         let table = parse_ground_truth(plain.replace(',', separator).as_bytes(), "gt.csv").expect("a table");
         assert_eq!(table.content, expected);
@@ -55,38 +69,84 @@ fn what_is_missing_is_not_visible_and_counted() {
     let table = parse_ground_truth(text.as_bytes(), "gt.csv").expect("a table");
     assert!(table.content.frame(0)[[1, 0]].is_nan());
     assert!(table.content.frame(2)[[0, 0]].is_nan());
-    assert!(table.notices[0].contains("3 of 6 positions are missing"), "{:?}", table.notices);
+    assert!(
+        table.notices[0].contains("3 of 6 positions are missing"),
+        "{:?}",
+        table.notices
+    );
 }
 
 #[test]
 fn bad_tables_are_told_with_line_and_column() {
     let header = "sequence,frame,object,x,y\n";
     for (text, expected) in [
-        (String::new(), "the table has no header; expected `sequence,frame,object,x,y`"),
+        (
+            String::new(),
+            "the table has no header; expected `sequence,frame,object,x,y`",
+        ),
         (header.to_owned(), "gt.csv: the table has a header and no rows"),
-        ("sequence,frame,object,x\n0,0,cube,1\n".to_owned(), "line 1: column `y` missing; expected"),
-        (format!("{header}0,0,cube,0.1,0.2\n0,1,cube,abc,0\n"), "gt.csv: line 3, column `x`: `abc` is not a number"),
-        (format!("{header}0,one,cube,0.1,0.2\n"), "line 2, column `frame`: `one` is not a frame"),
-        (format!("{header}0,-1,cube,0.1,0.2\n"), "`-1` is not a frame; expected a whole number from 0"),
-        (format!("{header}0,0,,0.1,0.2\n"), "line 2, column `object`: empty"),
-        (format!("{header},0,cube,0.1,0.2\n"), "line 2, column `sequence`: empty"),
+        (
+            "sequence,frame,object,x\n0,0,cube,1\n".to_owned(),
+            "line 1: column `y` missing; expected",
+        ),
+        (
+            format!("{header}0,0,cube,0.1,0.2\n0,1,cube,abc,0\n"),
+            "gt.csv: line 3, column `x`: `abc` is not a number",
+        ),
+        (
+            format!("{header}0,one,cube,0.1,0.2\n"),
+            "line 2, column `frame`: `one` is not a frame",
+        ),
+        (
+            format!("{header}0,-1,cube,0.1,0.2\n"),
+            "`-1` is not a frame; expected a whole number from 0",
+        ),
+        (
+            format!("{header}0,0,,0.1,0.2\n"),
+            "line 2, column `object`: empty",
+        ),
+        (
+            format!("{header},0,cube,0.1,0.2\n"),
+            "line 2, column `sequence`: empty",
+        ),
         (
             format!("{header}0,0,cube,0.1,0.2\n0,1,cube,0,0\n0,0,cube,0.1,0.2\n"),
             "gt.csv: line 4: sequence 0, frame 0, object cube stands already in line 2",
         ),
-        (format!("{header}0,0,cube,0.1,0.2\n0,1,cube,0.3\n"), "line 3: 4 fields; expected 5"),
-        (format!("{header}0,0,cube,inf,0\n"), "line 2: the position (inf, 0) is infinite"),
-        (format!("{}0;0;cube;0,1;0,2\n", header.replace(',', ";")), "`0,1` is not a number; expected a number with a decimal point"),
-        ("sequence,frame,object,x,x,y\n0,0,c,1,1,1\n".to_owned(), "column `x` stands twice"),
+        (
+            format!("{header}0,0,cube,0.1,0.2\n0,1,cube,0.3\n"),
+            "line 3: 4 fields; expected 5",
+        ),
+        (
+            format!("{header}0,0,cube,inf,0\n"),
+            "line 2: the position (inf, 0) is infinite",
+        ),
+        (
+            format!("{}0;0;cube;0,1;0,2\n", header.replace(',', ";")),
+            "`0,1` is not a number; expected a number with a decimal point",
+        ),
+        (
+            "sequence,frame,object,x,x,y\n0,0,c,1,1,1\n".to_owned(),
+            "column `x` stands twice",
+        ),
     ] {
         let message = truth_error(&text);
         assert!(message.contains(expected), "{message}\nexpected: {expected}");
     }
-    let utf16 = parse_ground_truth(&[0xff, 0xfe, b's', 0], "gt.csv").expect_err("UTF-16").to_string();
+    let utf16 = parse_ground_truth(&[0xff, 0xfe, b's', 0], "gt.csv")
+        .expect_err("UTF-16")
+        .to_string();
     assert!(utf16.contains("UTF-16; save it as \"CSV UTF-8\""), "{utf16}");
     let latin = parse_ground_truth(b"sequence,frame,object,x,y\n0,0,w\xfcrfel,0,0\n", "gt.csv");
-    assert!(latin.expect_err("Latin-1").to_string().contains("gt.csv: line 2: not valid UTF-8"));
-    let binary = parse_ground_truth(b"\x89PNG\0\0", "gt.csv").expect_err("binary").to_string();
+    assert!(
+        latin
+            .expect_err("Latin-1")
+            .to_string()
+            .contains("gt.csv: line 2: not valid UTF-8")
+    );
+    let binary = parse_ground_truth(b"\x89PNG\0\0", "gt.csv")
+        .expect_err("binary")
+        .to_string();
     assert!(binary.contains("not a text file"), "{binary}");
 }
 
@@ -94,9 +154,15 @@ fn bad_tables_are_told_with_line_and_column() {
 fn keypoints_are_numbered_from_zero_without_gaps() {
     let header = "sequence,frame,keypoint,x,y\n";
     let message = keypoint_error(&format!("{header}0,0,nose,0,0\n"));
-    assert!(message.contains("line 2, column `keypoint`: `nose` is not a keypoint"), "{message}");
+    assert!(
+        message.contains("line 2, column `keypoint`: `nose` is not a keypoint"),
+        "{message}"
+    );
     let message = keypoint_error(&format!("{header}0,0,1,0,0\n0,0,2,0,0\n"));
-    assert!(message.contains("keypoint 0 has no row, although keypoint 2 has"), "{message}");
+    assert!(
+        message.contains("keypoint 0 has no row, although keypoint 2 has"),
+        "{message}"
+    );
     let message = keypoint_error(&format!("{header}0,0,4000000000,0,0\n"));
     assert!(message.contains("expected its number, 0 to 4095"), "{message}");
     let message = keypoint_error("sequence,frame,object,x,y\n0,0,cube,0,0\n");
@@ -106,41 +172,72 @@ fn keypoints_are_numbered_from_zero_without_gaps() {
 #[test]
 fn keypoints_written_as_csv_are_read_back_digit_by_digit() {
     let text = "sequence,frame,keypoint,x,y\n\"a,b\",3,0,0.1,-0.30000001192092896\n\"a,b\",3,1,1e-17,1\n";
-    let track = parse_keypoints(text.as_bytes(), "kp.csv").expect("a table").content;
-    let again = parse_keypoints(keypoints_csv(&track).as_bytes(), "kp.csv").expect("a table").content;
+    let track = parse_keypoints(text.as_bytes(), "kp.csv")
+        .expect("a table")
+        .content;
+    let again = parse_keypoints(keypoints_csv(&track).as_bytes(), "kp.csv")
+        .expect("a table")
+        .content;
     assert_eq!(track, again);
 }
 
 #[test]
 fn frames_are_ordered_naturally_and_numbered_by_their_names() {
-    let paths = ["d/s2/f_10.png", "d/s2/f_9.PNG", "d/s10/a.jpg", "d/s10/b.webp", "d/notes.txt", "d/s2/.DS_Store"];
+    let paths = [
+        "d/s2/f_10.png",
+        "d/s2/f_9.PNG",
+        "d/s10/a.jpg",
+        "d/s10/b.webp",
+        "d/notes.txt",
+        "d/s2/.DS_Store",
+    ];
     let index = FrameIndex::new(&paths).expect("frames");
-    assert_eq!(index.keys(), [key("s2", 9), key("s2", 10), key("s10", 0), key("s10", 1)]);
+    assert_eq!(
+        index.keys(),
+        [key("s2", 9), key("s2", 10), key("s10", 0), key("s10", 1)]
+    );
     assert_eq!(index.order(), [1, 0, 2, 3]);
     assert_eq!(index.ignored(), [4, 5]);
     assert_eq!(index.sequences()[1].start, 2);
     let same_names = FrameIndex::new(&["a/left/0.png", "b/left/0.png"]).expect("frames");
     assert_eq!(same_names.keys()[1].sequence, "b/left");
-    let none = FrameIndex::new(&["a/readme.md"]).expect_err("no images").to_string();
+    let none = FrameIndex::new(&["a/readme.md"])
+        .expect_err("no images")
+        .to_string();
     assert!(none.contains("no images among 1 file; expected .png"), "{none}");
     let selected = index.select(&[0, 3]).expect("two frames");
-    assert_eq!((selected.keys(), selected.order()), (&[key("s2", 9), key("s10", 1)][..], &[1, 3][..]));
+    assert_eq!(
+        (selected.keys(), selected.order()),
+        (&[key("s2", 9), key("s10", 1)][..], &[1, 3][..])
+    );
     assert!(index.select(&[4]).is_err() && index.select(&[2, 1]).is_err());
 }
 
 #[test]
 fn frames_find_their_rows_by_name_number_or_being_the_only_ones() {
     let rows = [key("0", 0), key("0", 1), key("12", 0)];
-    let by_number = join(&[key("seq_0012", 0), key("seq_0000", 1), key("seq_0000", 7)], &rows).expect("a join");
+    let by_number = join(
+        &[key("seq_0012", 0), key("seq_0000", 1), key("seq_0000", 7)],
+        &rows,
+    )
+    .expect("a join");
     assert_eq!(by_number.pairs, [(0, 2), (1, 1)]);
-    assert_eq!((by_number.unmatched_left, by_number.unmatched_right), (vec![2], vec![0]));
+    assert_eq!(
+        (by_number.unmatched_left, by_number.unmatched_right),
+        (vec![2], vec![0])
+    );
     assert!(by_number.rules[0].contains("by the number in their name"));
     let by_name = join(&[key("12", 0)], &rows).expect("a join");
     assert_eq!(by_name.pairs, [(0, 2)]);
     let only = join(&[key("push", 1)], &[key("run", 0), key("run", 1)]).expect("a join");
     assert_eq!(only.pairs, [(0, 1)]);
-    let none = join(&[key("a", 0), key("b", 0)], &rows).expect_err("nothing matches").to_string();
-    assert!(none.contains("no frame has a row of ground truth") && none.contains("`a` frame 0"), "{none}");
+    let none = join(&[key("a", 0), key("b", 0)], &rows)
+        .expect_err("nothing matches")
+        .to_string();
+    assert!(
+        none.contains("no frame has a row of ground truth") && none.contains("`a` frame 0"),
+        "{none}"
+    );
 }
 
 #[test]
@@ -149,7 +246,14 @@ fn frames_that_count_from_one_are_pointed_out_and_not_shifted() {
     let rows: Vec<FrameKey> = (0..5).map(|i| key("s", i)).collect();
     let joined = join(&frames, &rows).expect("a join");
     assert_eq!(joined.pairs.len(), 4);
-    assert!(joined.rules.iter().any(|r| r.contains("the frames count from 1 and the rows from 0")), "{:?}", joined.rules);
+    assert!(
+        joined
+            .rules
+            .iter()
+            .any(|r| r.contains("the frames count from 1 and the rows from 0")),
+        "{:?}",
+        joined.rules
+    );
 }
 
 fn frame_file(name: &str) -> Vec<u8> {
@@ -163,7 +267,10 @@ fn bad_images_are_told_with_what_was_expected() {
     assert_eq!(Frame::decode(&png).expect("a frame").width(), 256);
     let message = |bytes: &[u8]| Frame::decode(bytes).expect_err("a bad image").to_string();
     let cut = message(&png[..png.len() / 2]);
-    assert!(cut.contains("cannot be decoded") && cut.contains("is the file complete"), "{cut}");
+    assert!(
+        cut.contains("cannot be decoded") && cut.contains("is the file complete"),
+        "{cut}"
+    );
     assert!(message(b"").contains("not a PNG, JPEG or WebP image (0 bytes)"));
     assert!(message(b"sequence,frame\n").contains("not a PNG, JPEG or WebP image"));
     assert!(message(&blank_png(1, 1)).contains("the image is 1 x 1 pixels; expected 16 to 8192 a side"));
@@ -178,12 +285,22 @@ fn blank_png(width: u32, height: u32) -> Vec<u8> {
         png.extend((data.len() as u32).to_be_bytes());
         let body: Vec<u8> = kind.iter().chain(data).copied().collect();
         let crc = body.iter().fold(u32::MAX, |crc, byte| {
-            (0..8).fold(crc ^ u32::from(*byte), |c, _| if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 })
+            (0..8).fold(crc ^ u32::from(*byte), |c, _| {
+                if c & 1 == 1 {
+                    (c >> 1) ^ 0xedb8_8320
+                } else {
+                    c >> 1
+                }
+            })
         });
         png.extend(&body);
         png.extend((!crc).to_be_bytes());
     };
-    let sides: Vec<u8> = width.to_be_bytes().into_iter().chain(height.to_be_bytes()).collect();
+    let sides: Vec<u8> = width
+        .to_be_bytes()
+        .into_iter()
+        .chain(height.to_be_bytes())
+        .collect();
     chunk(b"IHDR", &[&sides[..], &[8, 2, 0, 0, 0]].concat());
     chunk(b"IDAT", &[]);
     chunk(b"IEND", &[]);
@@ -202,7 +319,11 @@ fn resizing_equals_torchvision() {
         let (_, expected) = tensor(&file, name);
         // 100 rows of 76 columns to 64 rows of 48.
         let ours = resize_planar(&input, [76, 100], [48, 64], filter);
-        let largest = ours.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let largest = ours
+            .iter()
+            .zip(&expected)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f32::max);
         println!("{name}: largest difference {largest:.1e}");
         // Values up to 1 in float32, a handful of products each: a few units in the last place.
         assert!(largest < 1e-6, "{name}: {largest:e}");
@@ -216,7 +337,8 @@ fn checkpoints_are_read_and_written_whole() {
     assert_eq!(checkpoint.config.architecture.to_string(), "basic-std-bg");
     assert_eq!(checkpoint.config.target_size, [16, 16]);
     assert_eq!(checkpoint.config.encoder_channels, [4, 6, 8]);
-    let again = Checkpoint::from_safetensors(&checkpoint.to_safetensors().expect("bytes")).expect("a checkpoint");
+    let again =
+        Checkpoint::from_safetensors(&checkpoint.to_safetensors().expect("bytes")).expect("a checkpoint");
     assert_eq!(again, checkpoint);
     let architecture = "basic-vel-std-bg".parse().expect("an architecture");
     assert_eq!(SaeConfig::basic(architecture).architecture.velocity_weight(), 0.1);
@@ -225,10 +347,17 @@ fn checkpoints_are_read_and_written_whole() {
 #[test]
 fn bad_checkpoints_are_told() {
     let bytes = golden("basic-vel-std-bg-tiny.safetensors");
-    let message = |bytes: &[u8]| Checkpoint::from_safetensors(bytes).expect_err("a bad checkpoint").to_string();
+    let message = |bytes: &[u8]| {
+        Checkpoint::from_safetensors(bytes)
+            .expect_err("a bad checkpoint")
+            .to_string()
+    };
     for end in [0, 4, 100, bytes.len() / 2, bytes.len() - 1] {
         let cut = message(&bytes[..end]);
-        assert!(cut.contains("not a complete .safetensors file"), "cut at {end}: {cut}");
+        assert!(
+            cut.contains("not a complete .safetensors file"),
+            "cut at {end}: {cut}"
+        );
     }
     // A checkpoint of another family: its encoder has other names.
     let mut other = Checkpoint::from_safetensors(&bytes).expect("valid").tensors;
@@ -243,15 +372,28 @@ fn bad_checkpoints_are_told() {
     )
     .expect("bytes");
     let message_other = message(&other);
-    assert!(message_other.contains("not a checkpoint of a Basic SAE: tensor `encoder.block1.conv1.weight` is missing"));
+    assert!(
+        message_other
+            .contains("not a checkpoint of a Basic SAE: tensor `encoder.block1.conv1.weight` is missing")
+    );
 
     let mut wrong = Checkpoint::from_safetensors(&bytes).expect("valid");
-    wrong.tensors.get_mut("encoder.block2.conv1.weight").expect("a weight").data[5] = f32::NAN;
+    wrong
+        .tensors
+        .get_mut("encoder.block2.conv1.weight")
+        .expect("a weight")
+        .data[5] = f32::NAN;
     let error = wrong.to_safetensors().expect_err("not finite").to_string();
-    assert!(error.contains("`encoder.block2.conv1.weight` holds NaN at position 5"), "{error}");
+    assert!(
+        error.contains("`encoder.block2.conv1.weight` holds NaN at position 5"),
+        "{error}"
+    );
     wrong.tensors.remove("encoder.block2.conv1.weight");
     let error = wrong.to_safetensors().expect_err("missing").to_string();
-    assert!(error.contains("tensor `encoder.block2.conv1.weight` is missing; expected shape [6, 4, 3, 3]"), "{error}");
+    assert!(
+        error.contains("tensor `encoder.block2.conv1.weight` is missing; expected shape [6, 4, 3, 3]"),
+        "{error}"
+    );
     assert!("keynet".parse::<tracklens::checkpoint::Architecture>().is_err());
 }
 
@@ -279,10 +421,17 @@ impl safetensors::View for OwnedView {
 fn files_are_recognised_by_name_and_header() {
     let role = |path: &str, head: &str| classify(path, head.as_bytes()).role;
     assert_eq!(role("a/frame_0.PNG", ""), Role::Image);
-    assert_eq!(role("gt.csv", "\u{feff}sequence;frame;Object;x;y\r\n"), Role::GroundTruth);
+    assert_eq!(
+        role("gt.csv", "\u{feff}sequence;frame;Object;x;y\r\n"),
+        Role::GroundTruth
+    );
     assert_eq!(role("kp.csv", "sequence,frame,keypoint,x,y\n"), Role::Keypoints);
     assert_eq!(role("w.safetensors", ""), Role::Checkpoint);
     assert_eq!(role("notes.pdf", ""), Role::Unknown);
     assert_eq!(role("__MACOSX/frame_0.png", ""), Role::Unknown);
-    assert!(classify("t.csv", b"a,b,c\n").reason.contains("expected `sequence,frame,object,x,y`"));
+    assert!(
+        classify("t.csv", b"a,b,c\n")
+            .reason
+            .contains("expected `sequence,frame,object,x,y`")
+    );
 }

@@ -17,17 +17,24 @@ const TOLERANCE: f32 = 1e-4;
 fn difference(encoder: &Encoder, file: &SafeTensors, input: &str, expected: &str) -> f32 {
     let (shape, pixels) = tensor(file, input);
     let (points_shape, points) = tensor(file, expected);
-    let [images, 3, height, width] = shape[..] else { panic!("an input of shape {shape:?}") };
+    let [images, 3, height, width] = shape[..] else {
+        panic!("an input of shape {shape:?}")
+    };
     assert_eq!(points_shape, [images, encoder.keypoints(), 2]);
     let mut workspace = Workspace::default();
     let mut largest: f32 = 0.0;
-    for (image, expected) in
-        pixels.chunks_exact(3 * height * width).zip(points.chunks_exact(2 * encoder.keypoints()))
+    for (image, expected) in pixels
+        .chunks_exact(3 * height * width)
+        .zip(points.chunks_exact(2 * encoder.keypoints()))
     {
-        let ours = encoder.run(&mut workspace, image, [width, height]).expect("keypoints");
+        let ours = encoder
+            .run(&mut workspace, image, [width, height])
+            .expect("keypoints");
         for (point, expected) in ours.iter().zip(expected.chunks_exact(2)) {
             // The reference speaks (y, x).
-            largest = largest.max((point[1] - expected[0]).abs()).max((point[0] - expected[1]).abs());
+            largest = largest
+                .max((point[1] - expected[0]).abs())
+                .max((point[0] - expected[1]).abs());
         }
     }
     println!("{input}: largest difference {largest:.1e}");
@@ -44,7 +51,9 @@ fn the_engine_equals_the_reference_on_a_tiny_encoder() {
 
 #[test]
 fn the_engine_equals_the_reference_on_the_basic_encoder() {
-    let Some(bytes) = shared::large_golden("basic.safetensors") else { return };
+    let Some(bytes) = shared::large_golden("basic.safetensors") else {
+        return;
+    };
     let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
     let file = SafeTensors::deserialize(&bytes).expect("safetensors");
     assert!(difference(&encoder, &file, "golden.input64", "golden.keypoints64") < TOLERANCE);
@@ -53,13 +62,18 @@ fn the_engine_equals_the_reference_on_the_basic_encoder() {
 
 #[test]
 fn a_workspace_can_be_used_for_frames_of_any_size_in_any_order() {
-    let checkpoint = Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
+    let checkpoint =
+        Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
     let encoder = Encoder::new(&checkpoint).expect("a plan");
     let mut shared = Workspace::default();
     for size in [[100usize, 76], [33, 257], [64, 64], [17, 16], [100, 76]] {
-        let input: Vec<f32> = (0..3 * size[0] * size[1]).map(|i| (i * 31 % 97) as f32 / 97.0).collect();
+        let input: Vec<f32> = (0..3 * size[0] * size[1])
+            .map(|i| (i * 31 % 97) as f32 / 97.0)
+            .collect();
         let again = encoder.run(&mut shared, &input, size).expect("keypoints");
-        let alone = encoder.run(&mut Workspace::default(), &input, size).expect("keypoints");
+        let alone = encoder
+            .run(&mut Workspace::default(), &input, size)
+            .expect("keypoints");
         assert_eq!(again, alone, "{size:?}");
         assert!(again.iter().flatten().all(|v| v.abs() <= 1.0), "{size:?}");
     }
@@ -67,8 +81,11 @@ fn a_workspace_can_be_used_for_frames_of_any_size_in_any_order() {
 
 #[test]
 fn the_grid_places_border_cells_where_the_convolutions_see_them() {
-    let checkpoint = Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
-    let grid = CpuExtractor::from_checkpoint(&checkpoint).expect("a plan").grid([256, 128]);
+    let checkpoint =
+        Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
+    let grid = CpuExtractor::from_checkpoint(&checkpoint)
+        .expect("a plan")
+        .grid([256, 128]);
     // 256 px: cell k of 33 is at pixel 8k - 3.5, ndc (2 px + 1) / 256 - 1; 128 px: 17 cells.
     let corner = grid.to_image([-1.0, -1.0]);
     assert!((corner[0] - (2.0 * -3.5 + 1.0) / 256.0 + 1.0).abs() < 1e-12);
@@ -83,7 +100,11 @@ fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
     // An encoder made by hand: each block passes its input on (centre taps of 1), the aggregation is sharp.
     let mut checkpoint =
         Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
-    for (name, tensor) in checkpoint.tensors.iter_mut().filter(|(name, _)| name.starts_with("encoder.")) {
+    for (name, tensor) in checkpoint
+        .tensors
+        .iter_mut()
+        .filter(|(name, _)| name.starts_with("encoder."))
+    {
         let scale = name.ends_with("running_var") || (name.contains(".bn") && name.ends_with("weight"));
         tensor.data.fill(if scale { 1.0 } else { 0.0 });
         if name.contains(".conv") && name.ends_with("weight") {
@@ -103,12 +124,20 @@ fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
         }
         let frame = Frame::new(128, 128, rgb).expect("a frame");
         let encoder = extractor.encoder();
-        let point = encoder.extract(&mut Workspace::default(), &frame).expect("keypoints")[0];
+        let point = encoder
+            .extract(&mut Workspace::default(), &frame)
+            .expect("keypoints")[0];
         let ndc = encoder.grid([128, 128]).to_image(point.map(f64::from));
         // A cell is 8 px wide and pooling takes the maximum around it: a cell is what can be told.
         let cell = 2.0 * 8.0 / 128.0;
-        assert!((ndc[0] - (2.0 * column as f64 / 128.0 - 1.0)).abs() < cell, "{ndc:?} for {column}");
-        assert!((ndc[1] - (2.0 * row as f64 / 128.0 - 1.0)).abs() < cell, "{ndc:?} for {row}");
+        assert!(
+            (ndc[0] - (2.0 * column as f64 / 128.0 - 1.0)).abs() < cell,
+            "{ndc:?} for {column}"
+        );
+        assert!(
+            (ndc[1] - (2.0 * row as f64 / 128.0 - 1.0)).abs() < cell,
+            "{ndc:?} for {row}"
+        );
     }
     assert!(extractor.extract(b"no image").is_err());
 }

@@ -37,7 +37,11 @@ fn golden(case: &str) -> Golden {
         points.invert_axis(Axis(2));
         points
     };
-    Golden { keypoints: points("keypoints", count("N")), truth: points("ground_truth", count("K")), json }
+    Golden {
+        keypoints: points("keypoints", count("N")),
+        truth: points("ground_truth", count("K")),
+        json,
+    }
 }
 
 fn flatten(value: &Value) -> Vec<f64> {
@@ -48,7 +52,9 @@ fn flatten(value: &Value) -> Vec<f64> {
 }
 
 fn objects(count: usize) -> Vec<Object> {
-    (0..count).map(|k| Object::new(format!("object {k}"), 0.015)).collect()
+    (0..count)
+        .map(|k| Object::new(format!("object {k}"), 0.015))
+        .collect()
 }
 
 fn settings(transform: Transform, rank: Rank) -> Settings {
@@ -69,10 +75,19 @@ const TRANSFORMS: [(&str, Transform); 3] = [
 fn equals_the_reference(case: &str) {
     let golden = golden(case);
     for (name, transform) in TRANSFORMS {
-        let ours = score(golden.keypoints.view(), golden.truth.view(), settings(transform, Rank::Reference));
+        let ours = score(
+            golden.keypoints.view(),
+            golden.truth.view(),
+            settings(transform, Rank::Reference),
+        );
         let reference = &golden.json["transforms"][name];
         let mut largest: f64 = 0.0;
-        for (k, row) in reference["pairwise"].as_array().expect("K rows").iter().enumerate() {
+        for (k, row) in reference["pairwise"]
+            .as_array()
+            .expect("K rows")
+            .iter()
+            .enumerate()
+        {
             for (n, theirs) in flatten(row).into_iter().enumerate() {
                 // An object with a NaN has no error in the reference; ours leaves the frame out.
                 if theirs.is_nan() {
@@ -85,11 +100,17 @@ fn equals_the_reference(case: &str) {
                 let ours_best = ours.objects[k].best.expect("a best keypoint").keypoint;
                 // Float32 decides between keypoints that are equally good to float64.
                 let gap = (ours.errors[[k, ours_best]] - ours.errors[[k, best as usize]]).abs();
-                assert!(ours_best as u64 == best || gap < TOLERANCE, "{case}, {name}, object {k}");
+                assert!(
+                    ours_best as u64 == best || gap < TOLERANCE,
+                    "{case}, {name}, object {k}"
+                );
             }
         }
         println!("{case}, {name}: largest difference {largest:.1e}");
-        assert!(largest <= TOLERANCE, "{case}, {name}: {largest:e} > {TOLERANCE:e}");
+        assert!(
+            largest <= TOLERANCE,
+            "{case}, {name}: {largest:e} > {TOLERANCE:e}"
+        );
     }
 }
 
@@ -120,7 +141,9 @@ fn the_maps_equal_the_reference() {
         let moments = accumulator.finish();
         for k in 0..2 {
             for n in 0..4 {
-                let fit = moments.fit(n, k, &settings(*transform, Rank::Reference)).expect("visible");
+                let fit = moments
+                    .fit(n, k, &settings(*transform, Rank::Reference))
+                    .expect("visible");
                 // Row vectors (y, x, 1) times a matrix there, A times column vectors (x, y) here.
                 let theirs = flatten(&golden.json["transforms"][name]["matrices"][k][n]);
                 let at = |row: usize, column: usize| theirs[3 * row + column];
@@ -174,7 +197,12 @@ fn a_keypoint_that_is_not_finite_is_an_error_or_a_counted_exclusion() {
     golden.keypoints[[4, 0, 1]] = f64::NAN;
     let (z, x) = (golden.keypoints.view(), golden.truth.view());
     let refused = evaluate(z, x, &objects(2), NonFinite::Error, &Settings::default());
-    assert!(refused.expect_err("refused").to_string().contains("keypoint 2 is ("));
+    assert!(
+        refused
+            .expect_err("refused")
+            .to_string()
+            .contains("keypoint 2 is (")
+    );
     let excluded =
         evaluate(z, x, &objects(2), NonFinite::ExcludeFrame, &Settings::default()).expect("scored");
     assert_eq!((excluded.frames, excluded.excluded), (48, 2));
@@ -184,8 +212,11 @@ fn a_keypoint_that_is_not_finite_is_an_error_or_a_counted_exclusion() {
 #[test]
 fn the_centred_rule_is_right_far_from_the_origin() {
     let golden = golden("t2500_n32_k3");
-    let near =
-        score(golden.keypoints.view(), golden.truth.view(), settings(Transform::Affine, Rank::Centred));
+    let near = score(
+        golden.keypoints.view(),
+        golden.truth.view(),
+        settings(Transform::Affine, Rank::Centred),
+    );
     let far = score(
         (&golden.keypoints + 1e6).view(),
         (&golden.truth - 1e6).view(),
@@ -201,8 +232,11 @@ fn the_centred_rule_is_right_far_from_the_origin() {
 fn dropped_directions_are_counted() {
     let golden = golden("constant_keypoints");
     for rank in [Rank::Reference, Rank::Centred] {
-        let evaluation =
-            score(golden.keypoints.view(), golden.truth.view(), settings(Transform::Affine, rank));
+        let evaluation = score(
+            golden.keypoints.view(),
+            golden.truth.view(),
+            settings(Transform::Affine, rank),
+        );
         assert!(evaluation.directions_dropped > 0, "{rank:?}");
     }
 }
@@ -217,7 +251,11 @@ fn a_line_of_keypoints_is_fitted_along_the_line() {
     for rank in [Rank::Reference, Rank::Centred] {
         let evaluation = score(keypoints.view(), truth.view(), settings(Transform::Affine, rank));
         // What is left is a difference of sums of squares (variance 0.09): a few roundings of f64.
-        assert!(evaluation.errors[[0, 0]] < 1e-15, "{rank:?}: {}", evaluation.errors[[0, 0]]);
+        assert!(
+            evaluation.errors[[0, 0]] < 1e-15,
+            "{rank:?}: {}",
+            evaluation.errors[[0, 0]]
+        );
         assert_eq!(evaluation.directions_dropped, 1, "{rank:?}");
     }
 }
@@ -234,8 +272,11 @@ fn the_best_keypoint_is_the_first_on_ties() {
 fn pixels_follow_the_aspect_of_the_image() {
     let keypoints = Array3::from_shape_fn((2, 1, 2), |(t, _, _)| t as f64);
     let truth = Array3::from_shape_fn((2, 1, 2), |(t, _, axis)| t as f64 + [0.1, 0.2][axis]);
-    let evaluation =
-        score(keypoints.view(), truth.view(), settings(Transform::Identity, Rank::Reference));
+    let evaluation = score(
+        keypoints.view(),
+        truth.view(),
+        settings(Transform::Identity, Rank::Reference),
+    );
     let fit = evaluation.objects[0].best.expect("visible").fit;
     assert!((fit.error() - 0.05).abs() < 1e-12 && (fit.error_sum() - 0.1).abs() < 1e-12);
     // 0.1 of half of 200 px and 0.2 of half of 100 px.
@@ -245,15 +286,42 @@ fn pixels_follow_the_aspect_of_the_image() {
 #[test]
 fn nothing_to_score_is_an_error() {
     let empty = Array3::<f64>::zeros((0, 2, 2));
-    let scored = evaluate(empty.view(), empty.view(), &objects(2), NonFinite::Error, &Settings::default());
-    assert!(scored.expect_err("no frame").to_string().contains("no frame is left"));
+    let scored = evaluate(
+        empty.view(),
+        empty.view(),
+        &objects(2),
+        NonFinite::Error,
+        &Settings::default(),
+    );
+    assert!(
+        scored
+            .expect_err("no frame")
+            .to_string()
+            .contains("no frame is left")
+    );
     let one = Array3::<f64>::zeros((1, 1, 2));
     let object = [Object::new("cube", 0.0)];
-    let scored = evaluate(one.view(), one.view(), &object, NonFinite::Error, &Settings::default());
-    assert!(scored.expect_err("a zero threshold").to_string().contains("threshold of object `cube` is 0"));
+    let scored = evaluate(
+        one.view(),
+        one.view(),
+        &object,
+        NonFinite::Error,
+        &Settings::default(),
+    );
+    assert!(
+        scored
+            .expect_err("a zero threshold")
+            .to_string()
+            .contains("threshold of object `cube` is 0")
+    );
     let mut accumulator = Accumulator::new(2, 1, NonFinite::Error);
     let wrong = accumulator.push(Array2::zeros((3, 2)).view(), Array2::zeros((1, 2)).view());
-    assert!(wrong.expect_err("another N").to_string().contains("expected (2, 2)"));
+    assert!(
+        wrong
+            .expect_err("another N")
+            .to_string()
+            .contains("expected (2, 2)")
+    );
 }
 
 fn push_all(accumulator: &mut Accumulator, keypoints: ArrayView3<f64>, truth: ArrayView3<f64>) {

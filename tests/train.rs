@@ -20,13 +20,24 @@ fn config(epochs: u32) -> TrainConfig {
     sae.decoder_channels = [8, 6, 4];
     sae.input_size = Some([32, 32]);
     sae.target_size = [16, 16];
-    let split = Split { training: 0.67, validation: 0.33 };
-    TrainConfig { epochs, batch: 2, seed: 7, split, ..TrainConfig::new(sae) }
+    let split = Split {
+        training: 0.67,
+        validation: 0.33,
+    };
+    TrainConfig {
+        epochs,
+        batch: 2,
+        seed: 7,
+        split,
+        ..TrainConfig::new(sae)
+    }
 }
 
 fn dataset(config: &TrainConfig) -> Dataset {
     let truth = fs::read(recording().join("ground_truth.csv")).expect("a ground truth");
-    let truth = parse_ground_truth(&truth, "ground_truth.csv").expect("a table").content;
+    let truth = parse_ground_truth(&truth, "ground_truth.csv")
+        .expect("a table")
+        .content;
     let mut paths = Vec::new();
     for sequence in ["seq_0000", "seq_0001", "seq_0012"] {
         for frame in 0..5 {
@@ -55,9 +66,18 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("run");
     // A tiny model and 75 steps: a larger rate than the paper's shows the fall clearly.
-    let summary = run(&TrainConfig { learning_rate: 3e-3, ..config(25) }, &out);
+    let summary = run(
+        &TrainConfig {
+            learning_rate: 3e-3,
+            ..config(25)
+        },
+        &out,
+    );
     let log = fs::read_to_string(out.join("log.jsonl")).expect("a log");
-    let log: Vec<EpochLog> = log.lines().map(|l| serde_json::from_str(l).expect("a line")).collect();
+    let log: Vec<EpochLog> = log
+        .lines()
+        .map(|l| serde_json::from_str(l).expect("a line"))
+        .collect();
     assert_eq!(log.len(), 25);
     let (first, last) = (&log[0], &log[24]);
     assert!(
@@ -82,9 +102,14 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
     assert_eq!(checkpoint.config.input_size, Some([32, 32]));
     assert_eq!(checkpoint.metadata["tracklens.epoch"], "25");
     let encoder = Encoder::new(&checkpoint).expect("a plan");
-    let points = encoder.run(&mut Workspace::default(), &vec![0.5; 3 * 32 * 32], [32, 32]).expect("points");
+    let points = encoder
+        .run(&mut Workspace::default(), &vec![0.5; 3 * 32 * 32], [32, 32])
+        .expect("points");
     assert_eq!(points.len(), 4);
-    let left: Vec<_> = fs::read_dir(&out).expect("a folder").map(|e| e.expect("a file").file_name()).collect();
+    let left: Vec<_> = fs::read_dir(&out)
+        .expect("a folder")
+        .map(|e| e.expect("a file").file_name())
+        .collect();
     assert_eq!(left.len(), 5, "no temporary file is left behind: {left:?}");
 }
 
@@ -117,7 +142,13 @@ fn a_cancelled_training_saves_what_it_has() {
     // Two training sequences of three snippets, two a step: three steps an epoch, so two whole epochs.
     assert_eq!(summary.epochs, 2);
     assert_eq!(weights(&out).metadata["tracklens.epoch"], "2");
-    assert_eq!(fs::read_to_string(out.join("log.jsonl")).expect("a log").lines().count(), 2);
+    assert_eq!(
+        fs::read_to_string(out.join("log.jsonl"))
+            .expect("a log")
+            .lines()
+            .count(),
+        2
+    );
     let written: TrainSummary =
         serde_json::from_slice(&fs::read(out.join("summary.json")).expect("a summary")).expect("JSON");
     assert_eq!(written, summary);
@@ -127,17 +158,50 @@ fn a_cancelled_training_saves_what_it_has() {
 fn what_cannot_be_trained_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let error = |config: &TrainConfig, out: &Path| {
-        train(config, &dataset(config), out, &mut |_| {}, &Cancel::default()).expect_err("an error").to_string()
+        train(config, &dataset(config), out, &mut |_| {}, &Cancel::default())
+            .expect_err("an error")
+            .to_string()
     };
     let out = folder.path().join("run");
     run(&config(1), &out);
     let taken = error(&config(1), &out);
-    assert!(taken.contains("holds a run already; give another folder"), "{taken}");
+    assert!(
+        taken.contains("holds a run already; give another folder"),
+        "{taken}"
+    );
     let other = folder.path().join("other");
-    let large = error(&TrainConfig { batch: 100, ..config(1) }, &other);
-    assert!(large.contains("hold 6 snippets of 3 frames; a batch needs 100"), "{large}");
-    let rate = error(&TrainConfig { learning_rate: -1.0, ..config(1) }, &other);
-    assert!(rate.contains("the learning rate is -1; expected a positive number"), "{rate}");
-    let diverged = error(&TrainConfig { learning_rate: 1e30, epochs: 20, ..config(1) }, &other);
-    assert!(diverged.contains("diverged at learning rate") && diverged.contains("try a smaller one"), "{diverged}");
+    let large = error(
+        &TrainConfig {
+            batch: 100,
+            ..config(1)
+        },
+        &other,
+    );
+    assert!(
+        large.contains("hold 6 snippets of 3 frames; a batch needs 100"),
+        "{large}"
+    );
+    let rate = error(
+        &TrainConfig {
+            learning_rate: -1.0,
+            ..config(1)
+        },
+        &other,
+    );
+    assert!(
+        rate.contains("the learning rate is -1; expected a positive number"),
+        "{rate}"
+    );
+    let diverged = error(
+        &TrainConfig {
+            learning_rate: 1e30,
+            epochs: 20,
+            ..config(1)
+        },
+        &other,
+    );
+    assert!(
+        diverged.contains("diverged at learning rate") && diverged.contains("try a smaller one"),
+        "{diverged}"
+    );
 }

@@ -22,25 +22,40 @@ fn checkpoint() -> Checkpoint {
                 state ^= state >> 7;
                 state ^= state << 17;
                 let uniform = (state >> 40) as f32 / (1u64 << 24) as f32;
-                if shape.len() == 1 { 0.5 + uniform } else { bound * (2.0 * uniform - 1.0) }
+                if shape.len() == 1 {
+                    0.5 + uniform
+                } else {
+                    bound * (2.0 * uniform - 1.0)
+                }
             })
             .collect();
         tensors.insert(name, Tensor { shape, data });
     }
-    Checkpoint { config, tensors, metadata: BTreeMap::new() }
+    Checkpoint {
+        config,
+        tensors,
+        metadata: BTreeMap::new(),
+    }
 }
 
 fn main() {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("one thread");
     let encoder = Encoder::new(&checkpoint()).expect("an encoder");
     println!("{:>6} {:>12} {:>10}", "px", "median ms", "GFLOP/s");
     for (side, multiplications) in [(64usize, 0.155e9), (128, 0.622e9), (256, 2.52e9)] {
-        let input: Vec<f32> = (0..3 * side * side).map(|i| (i * 31 % 97) as f32 / 97.0).collect();
+        let input: Vec<f32> = (0..3 * side * side)
+            .map(|i| (i * 31 % 97) as f32 / 97.0)
+            .collect();
         let mut times: Vec<f64> = pool.install(|| {
             let mut workspace = Workspace::default();
             let mut one = || {
                 let start = Instant::now();
-                let points = encoder.run(&mut workspace, &input, [side, side]).expect("keypoints");
+                let points = encoder
+                    .run(&mut workspace, &input, [side, side])
+                    .expect("keypoints");
                 assert_eq!(points.len(), 16);
                 start.elapsed().as_secs_f64()
             };
@@ -49,6 +64,10 @@ fn main() {
         });
         times.sort_by(f64::total_cmp);
         let median = times[times.len() / 2];
-        println!("{side:>6} {:>12.2} {:>10.1}", median * 1e3, 2.0 * multiplications / median * 1e-9);
+        println!(
+            "{side:>6} {:>12.2} {:>10.1}",
+            median * 1e3,
+            2.0 * multiplications / median * 1e-9
+        );
     }
 }

@@ -30,7 +30,9 @@ fn recording(frames: usize) -> (Array3<f64>, Array3<f64>) {
 /// The median of 101 runs, in milliseconds.
 fn median_ms(frames: usize) -> f64 {
     let (keypoints, truth) = recording(frames);
-    let objects: Vec<Object> = (0..OBJECTS).map(|k| Object::new(format!("object {k}"), 0.015)).collect();
+    let objects: Vec<Object> = (0..OBJECTS)
+        .map(|k| Object::new(format!("object {k}"), 0.015))
+        .collect();
     let mut times: Vec<f64> = (0..101)
         .map(|_| {
             let start = Instant::now();
@@ -51,7 +53,10 @@ fn median_ms(frames: usize) -> f64 {
 
 fn main() {
     if std::env::args().any(|a| a == "--json") {
-        println!("{{\"name\":\"metric_t2500_n32_k3\",\"median_ms\":{:.4}}}", median_ms(2500));
+        println!(
+            "{{\"name\":\"metric_t2500_n32_k3\",\"median_ms\":{:.4}}}",
+            median_ms(2500)
+        );
         return;
     }
     println!("{:>8} {:>12} {:>16}", "frames", "median ms", "ns a frame");

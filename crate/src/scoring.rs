@@ -101,7 +101,10 @@ impl Scoring {
             )));
         }
         let fit: Fit = self.moments.fit(n, k, settings).ok_or_else(|| {
-            Error::numeric(format!("object `{}` is visible in no frame: there is no map to it", self.names[k]))
+            Error::numeric(format!(
+                "object `{}` is visible in no frame: there is no map to it",
+                self.names[k]
+            ))
         })?;
         let keypoint = self.keypoints.index_axis(Axis(1), n).to_owned();
         let mut transformed_ndc = keypoint.clone();
@@ -109,6 +112,10 @@ impl Scoring {
             let mapped = fit.map.apply([point[0], point[1]]);
             (point[0], point[1]) = (mapped[0], mapped[1]);
         }
-        Ok(Series { truth_ndc: self.truth_ndc.index_axis(Axis(1), k).to_owned(), keypoint, transformed_ndc })
+        Ok(Series {
+            truth_ndc: self.truth_ndc.index_axis(Axis(1), k).to_owned(),
+            keypoint,
+            transformed_ndc,
+        })
     }
 }

@@ -7,7 +7,9 @@ use safetensors::SafeTensors;
 
 /// A file of `tests/golden`.
 pub fn golden(name: &str) -> Vec<u8> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/golden").join(name);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests/golden")
+        .join(name);
     std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
@@ -26,5 +28,8 @@ pub fn large_golden(name: &str) -> Option<Vec<u8>> {
 pub fn tensor(file: &SafeTensors, name: &str) -> (Vec<usize>, Vec<f32>) {
     let view = file.tensor(name).unwrap_or_else(|e| panic!("{name}: {e}"));
     let float = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-    (view.shape().to_vec(), view.data().chunks_exact(4).map(float).collect())
+    (
+        view.shape().to_vec(),
+        view.data().chunks_exact(4).map(float).collect(),
+    )
 }

@@ -12,21 +12,19 @@ impl SaeConfig {
     /// off, sigma is 0.1 unless trained, the target is 64 x 64 unless a background bias gives it.
     pub(super) fn infer(tensors: &BTreeMap<String, Tensor>) -> Result<Self> {
         let shape = |name: &str| {
-            tensors
-                .get(name)
-                .map(|t| t.shape.as_slice())
-                .ok_or_else(|| {
-                    Error::input(format!(
-                        "not a checkpoint of a Basic SAE: tensor `{name}` is missing (the file holds {})",
-                        summary(tensors)
-                    ))
-                })
+            tensors.get(name).map(|t| t.shape.as_slice()).ok_or_else(|| {
+                Error::input(format!(
+                    "not a checkpoint of a Basic SAE: tensor `{name}` is missing (the file holds {})",
+                    summary(tensors)
+                ))
+            })
         };
         let first = |name: &str| {
             let shape = shape(name)?;
-            shape.first().copied().ok_or_else(|| {
-                Error::input(format!("tensor `{name}` is a scalar; expected a filter bank"))
-            })
+            shape
+                .first()
+                .copied()
+                .ok_or_else(|| Error::input(format!("tensor `{name}` is a scalar; expected a filter bank")))
         };
         let mut encoder_channels = [0; 3];
         let mut decoder_channels = [64, 32, 16];
@@ -86,10 +84,7 @@ impl SaeConfig {
         aggregation(&mut shapes, "decoder.aggregate_conv", input, 3);
         if self.architecture.background {
             let [width, height] = self.target_size;
-            shapes.push((
-                "decoder.background_bias.bias".to_owned(),
-                vec![3, height, width],
-            ));
+            shapes.push(("decoder.background_bias.bias".to_owned(), vec![3, height, width]));
         }
         shapes
     }

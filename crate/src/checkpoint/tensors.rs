@@ -85,9 +85,8 @@ impl Checkpoint {
     /// When the tensors do not fit the configuration.
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
         self.validate()?;
-        let failed = |e: &dyn std::fmt::Display| {
-            Error::input(format!("the checkpoint cannot be written: {e}"))
-        };
+        let failed =
+            |e: &dyn std::fmt::Display| Error::input(format!("the checkpoint cannot be written: {e}"));
         let mut header: HashMap<String, String> = self.metadata.clone().into_iter().collect();
         let config = serde_json::to_string(&self.config).map_err(|e| failed(&e))?;
         header.insert(CONFIG_KEY.to_owned(), config);

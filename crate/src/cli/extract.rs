@@ -80,7 +80,9 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     if let Some(path) = &arguments.keypoints_out {
         atomic::write(path, keypoints_csv(&extracted.track).as_bytes())?;
     }
-    arguments.scoring.score(&truth, &extracted.track, extracted.image_size)
+    arguments
+        .scoring
+        .score(&truth, &extracted.track, extracted.image_size)
 }
 
 struct Extracted {
@@ -95,10 +97,17 @@ impl SourceArguments {
             .map_err(|e| e.at(self.checkpoint.display()))?;
         let folder = Folder::open(&self.frames)?;
         if !folder.index.ignored().is_empty() {
-            eprintln!("note: {} files that are no images are left out", folder.index.ignored().len());
+            eprintln!(
+                "note: {} files that are no images are left out",
+                folder.index.ignored().len()
+            );
         }
         let cancel = cancel_on_interrupt()?;
-        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+        let bar = if self.quiet {
+            ProgressBar::hidden()
+        } else {
+            ProgressBar::new(0)
+        };
         let threads = self.threads.unwrap_or(0);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -112,7 +121,11 @@ impl SourceArguments {
             if !self.skip_unreadable || unreadable.len() == found.len() {
                 return Err((*first).clone());
             }
-            eprintln!("note: {} of {} frames are left out:", unreadable.len(), found.len());
+            eprintln!(
+                "note: {} of {} frames are left out:",
+                unreadable.len(),
+                found.len()
+            );
             for error in unreadable {
                 eprintln!("note:   {error}");
             }
@@ -132,7 +145,10 @@ impl SourceArguments {
         if !same && encoder.config().input_size.is_none() {
             eprintln!("note: the frames are of different sizes and the checkpoint names no input size");
         }
-        Ok(Extracted { track: KeypointTrack::new(keys, points)?, image_size: size.filter(|_| same) })
+        Ok(Extracted {
+            track: KeypointTrack::new(keys, points)?,
+            image_size: size.filter(|_| same),
+        })
     }
 }
 
@@ -143,22 +159,34 @@ fn extract_all(
     report: &(dyn Fn(Event) + Sync),
     cancel: &Cancel,
 ) -> Result<Vec<Result<Extraction>>> {
-    report(Event::Started { what: "extracting keypoints".to_owned(), total: folder.len() as u64 });
+    report(Event::Started {
+        what: "extracting keypoints".to_owned(),
+        total: folder.len() as u64,
+    });
     let done = std::sync::atomic::AtomicU64::new(0);
     let one = |extractor: &mut CpuExtractor<&Encoder>, path: &Path| {
         cancel.check()?;
         let place = |e: Error| e.at(path.display());
         let found = files::read(path).and_then(|bytes| extractor.extract(&bytes).map_err(place));
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        report(Event::Progress { done, note: String::new() });
+        report(Event::Progress {
+            done,
+            note: String::new(),
+        });
         found
     };
     let found: Vec<Result<Extraction>> = (0..folder.len())
         .into_par_iter()
-        .map_init(|| CpuExtractor::new(encoder), |extractor, i| one(extractor, folder.path(i)))
+        .map_init(
+            || CpuExtractor::new(encoder),
+            |extractor, i| one(extractor, folder.path(i)),
+        )
         .collect();
     report(Event::Done);
-    match found.iter().find(|f| matches!(f, Err(e) if e.kind() == ErrorKind::Cancelled)) {
+    match found
+        .iter()
+        .find(|f| matches!(f, Err(e) if e.kind() == ErrorKind::Cancelled))
+    {
         Some(_) => Err(Error::cancelled()),
         None => Ok(found),
     }

@@ -48,7 +48,9 @@ fn walk(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<()> {
         let entry = entry.map_err(failed)?;
         let path = entry.path();
         // Follows links, so that a data set may be linked together.
-        let is_folder = std::fs::metadata(&path).map_err(|e| Error::io(path.display(), &e))?.is_dir();
+        let is_folder = std::fs::metadata(&path)
+            .map_err(|e| Error::io(path.display(), &e))?
+            .is_dir();
         if !is_folder {
             out.push(path);
         } else if depth > 0 {
@@ -63,11 +65,17 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
 }
 
 pub(super) fn read_ground_truth(path: &Path) -> Result<GroundTruth> {
-    Ok(told(parse_ground_truth(&read(path)?, &path.to_string_lossy())?, path))
+    Ok(told(
+        parse_ground_truth(&read(path)?, &path.to_string_lossy())?,
+        path,
+    ))
 }
 
 pub(super) fn read_keypoints(path: &Path) -> Result<KeypointTrack> {
-    Ok(told(parse_keypoints(&read(path)?, &path.to_string_lossy())?, path))
+    Ok(told(
+        parse_keypoints(&read(path)?, &path.to_string_lossy())?,
+        path,
+    ))
 }
 
 pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {

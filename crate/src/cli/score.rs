@@ -4,8 +4,8 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use comfy_table::CellAlignment;
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
 use super::files;
 use crate::error::{Error, Result};
@@ -54,7 +54,11 @@ pub(super) struct ScoringArguments {
 }
 
 fn parse_threshold(text: &str) -> Result<(String, f64)> {
-    let wrong = || Error::input(format!("`{text}` is no threshold; expected NAME=VALUE, e.g. cube=0.015"));
+    let wrong = || {
+        Error::input(format!(
+            "`{text}` is no threshold; expected NAME=VALUE, e.g. cube=0.015"
+        ))
+    };
     let (name, value) = text.rsplit_once('=').ok_or_else(wrong)?;
     let value: f64 = value.trim().parse().map_err(|_| wrong())?;
     if name.is_empty() || !(value.is_finite() && value > 0.0) {
@@ -64,10 +68,16 @@ fn parse_threshold(text: &str) -> Result<(String, f64)> {
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2]> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     sides
         .filter(|sides: &[u32; 2]| sides.iter().all(|s| *s > 0))
-        .ok_or_else(|| Error::input(format!("`{text}` is no size; expected WIDTHxHEIGHT, e.g. 256x256")))
+        .ok_or_else(|| {
+            Error::input(format!(
+                "`{text}` is no size; expected WIDTHxHEIGHT, e.g. 256x256"
+            ))
+        })
 }
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
@@ -85,7 +95,10 @@ impl ScoringArguments {
         image_size: Option<[u32; 2]>,
     ) -> Result<()> {
         let scoring = Scoring::new(truth, keypoints, self.non_finite)?;
-        let settings = Settings { transform: self.transform, rank: self.rank };
+        let settings = Settings {
+            transform: self.transform,
+            rank: self.rank,
+        };
         let evaluation = scoring.evaluate(&self.thresholds, &settings)?;
         let report = EvaluationReport::new(&evaluation, self.image_size.or(image_size));
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
@@ -109,19 +122,39 @@ fn print_join(join: &JoinReport) {
     }
     let told = |what: &str, unmatched: &Unmatched| {
         if unmatched.count > 0 {
-            let more = if unmatched.count > unmatched.first.len() { "; …" } else { "" };
-            eprintln!("note: {} {what}: {}{more}", unmatched.count, unmatched.first.join("; "));
+            let more = if unmatched.count > unmatched.first.len() {
+                "; …"
+            } else {
+                ""
+            };
+            eprintln!(
+                "note: {} {what}: {}{more}",
+                unmatched.count,
+                unmatched.first.join("; ")
+            );
         }
     };
-    told("frames have no row of ground truth and do not count", &join.unmatched_frames);
-    told("frames of the ground truth have no keypoints and do not count", &join.unmatched_rows);
+    told(
+        "frames have no row of ground truth and do not count",
+        &join.unmatched_frames,
+    );
+    told(
+        "frames of the ground truth have no keypoints and do not count",
+        &join.unmatched_rows,
+    );
 }
 
 fn print_table(report: &EvaluationReport) {
     let mut table = comfy_table::Table::new();
-    table
-        .load_preset(UTF8_HORIZONTAL_ONLY)
-        .set_header(["object", "tracked", "error", "threshold", "best keypoint", "RMSE", "frames"]);
+    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header([
+        "object",
+        "tracked",
+        "error",
+        "threshold",
+        "best keypoint",
+        "RMSE",
+        "frames",
+    ]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.5}"));
     for object in &report.objects {
         let rmse = match object.rmse_px {
@@ -133,7 +166,9 @@ fn print_table(report: &EvaluationReport) {
             if object.tracked { "yes" } else { "no" }.to_owned(),
             number(object.error),
             object.threshold.to_string(),
-            object.best_keypoint.map_or_else(|| "–".to_owned(), |n| n.to_string()),
+            object
+                .best_keypoint
+                .map_or_else(|| "–".to_owned(), |n| n.to_string()),
             rmse,
             object.frames.to_string(),
         ]);
@@ -144,7 +179,12 @@ fn print_table(report: &EvaluationReport) {
         }
     }
     let tracked = report.objects.iter().filter(|o| o.tracked).count();
-    println!("TC {:.3}: {tracked} of {} objects tracked over {} frames", report.tc, report.objects.len(), report.frames);
+    println!(
+        "TC {:.3}: {tracked} of {} objects tracked over {} frames",
+        report.tc,
+        report.objects.len(),
+        report.frames
+    );
     println!("{table}");
     println!(
         "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",

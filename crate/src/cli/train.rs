@@ -73,15 +73,23 @@ pub(super) struct TrainArguments {
 fn parse_channels(text: &str) -> Result<[usize; 3]> {
     let counts: Option<Vec<usize>> = text.split(',').map(|c| c.trim().parse().ok()).collect();
     counts.and_then(|c| c.try_into().ok()).ok_or_else(|| {
-        Error::input(format!("`{text}` is no list of channel counts; expected three, e.g. 32,64,128"))
+        Error::input(format!(
+            "`{text}` is no list of channel counts; expected three, e.g. 32,64,128"
+        ))
     })
 }
 
 fn parse_split(text: &str) -> Result<Split> {
-    let shares = text.split_once(',').and_then(|(t, v)| Some((t.trim().parse().ok()?, v.trim().parse().ok()?)));
+    let shares = text
+        .split_once(',')
+        .and_then(|(t, v)| Some((t.trim().parse().ok()?, v.trim().parse().ok()?)));
     shares
         .map(|(training, validation)| Split { training, validation })
-        .ok_or_else(|| Error::input(format!("`{text}` is no split; expected two shares, e.g. 0.5,0.25")))
+        .ok_or_else(|| {
+            Error::input(format!(
+                "`{text}` is no split; expected two shares, e.g. 0.5,0.25"
+            ))
+        })
 }
 
 impl TrainArguments {
@@ -115,7 +123,10 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
             .build_global()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
     }
-    let truth = arguments.truth.clone().unwrap_or_else(|| arguments.data.join("ground_truth.csv"));
+    let truth = arguments
+        .truth
+        .clone()
+        .unwrap_or_else(|| arguments.data.join("ground_truth.csv"));
     let truth = files::read_ground_truth(&truth)?;
     let folder = Folder::open(&arguments.data)?;
     let cancel = cancel_on_interrupt()?;
@@ -125,7 +136,11 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     for notice in &dataset.notices {
         eprintln!("note: {notice}");
     }
-    let bar = if arguments.quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+    let bar = if arguments.quiet {
+        ProgressBar::hidden()
+    } else {
+        ProgressBar::new(0)
+    };
     let mut report = |event: Event| show(&bar, &event);
     let summary = train(&config, &dataset, &arguments.out, &mut report, &cancel)?;
     if let Some(last) = &summary.last {
@@ -137,7 +152,12 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
                 None => format!("{name} not visible"),
             })
             .collect();
-        eprintln!("epoch {}: TC {:.3} on the validation sequences; errors: {}", last.epoch, last.tc, errors.join(", "));
+        eprintln!(
+            "epoch {}: TC {:.3} on the validation sequences; errors: {}",
+            last.epoch,
+            last.tc,
+            errors.join(", ")
+        );
     }
     eprintln!("written to {}", arguments.out.display());
     if summary.interrupted {

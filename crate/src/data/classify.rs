@@ -40,7 +40,10 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
     if file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX") {
         return (Role::Unknown, "a hidden file".to_owned());
     }
-    let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
+    let ending = file
+        .rsplit_once('.')
+        .map(|(_, e)| e.to_ascii_lowercase())
+        .unwrap_or_default();
     match ending.as_str() {
         "safetensors" => (Role::Checkpoint, "a .safetensors checkpoint".to_owned()),
         "csv" | "tsv" | "txt" => table(head),
@@ -55,7 +58,11 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
 fn table(head: &[u8]) -> (Role, String) {
     let text = String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head));
     let header = text.lines().next().unwrap_or_default().to_ascii_lowercase();
-    let has = |name: &str| header.split([',', ';', '\t']).any(|c| c.trim().trim_matches('"') == name);
+    let has = |name: &str| {
+        header
+            .split([',', ';', '\t'])
+            .any(|c| c.trim().trim_matches('"') == name)
+    };
     match (has("object"), has("keypoint")) {
         (true, false) => (Role::GroundTruth, "a table with a column `object`".to_owned()),
         (false, true) => (Role::Keypoints, "a table with a column `keypoint`".to_owned()),

@@ -76,7 +76,10 @@ impl FrameIndex {
             let numbered = distinct.len() == files.len();
             for (position, ((i, _), number)) in files.into_iter().zip(numbers).enumerate() {
                 let frame = number.filter(|_| numbered).unwrap_or(position as u64);
-                keys.push(FrameKey { sequence: sequence.clone(), frame });
+                keys.push(FrameKey {
+                    sequence: sequence.clone(),
+                    frame,
+                });
                 order.push(i);
             }
         }

@@ -52,7 +52,10 @@ pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
     out.unmatched_right = (0..right.len()).filter(|i| !taken[*i]).collect();
     if out.pairs.is_empty() {
         let example = |keys: &[FrameKey]| {
-            keys.first().map_or_else(|| "nothing".to_owned(), |k| format!("`{}` frame {}", k.sequence, k.frame))
+            keys.first().map_or_else(
+                || "nothing".to_owned(),
+                |k| format!("`{}` frame {}", k.sequence, k.frame),
+            )
         };
         return Err(Error::mismatch(format!(
             "no frame has a row of ground truth: the frames are {} in {} sequences (first: {}), the rows {} in {} \
@@ -81,7 +84,10 @@ pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
 
 fn sequences(keys: &[FrameKey]) -> Vec<&str> {
     let mut seen = HashSet::new();
-    keys.iter().map(|k| k.sequence.as_str()).filter(|s| seen.insert(*s)).collect()
+    keys.iter()
+        .map(|k| k.sequence.as_str())
+        .filter(|s| seen.insert(*s))
+        .collect()
 }
 
 fn match_sequences<'a>(
@@ -90,7 +96,11 @@ fn match_sequences<'a>(
     rules: &mut Vec<String>,
 ) -> HashMap<&'a str, &'a str> {
     let by_name: HashSet<&str> = right.iter().copied().collect();
-    let same: HashMap<&str, &str> = left.iter().filter(|s| by_name.contains(*s)).map(|s| (*s, *s)).collect();
+    let same: HashMap<&str, &str> = left
+        .iter()
+        .filter(|s| by_name.contains(*s))
+        .map(|s| (*s, *s))
+        .collect();
     if !same.is_empty() {
         rules.push("sequences matched by name".to_owned());
         return same;
@@ -102,12 +112,16 @@ fn match_sequences<'a>(
     if let (Some(a), Some(b)) = (numbered(left), numbered(right)) {
         let pairs: HashMap<&str, &str> = a.iter().filter_map(|(n, s)| Some((*s, *b.get(n)?))).collect();
         if let Some((a, b)) = left.iter().find_map(|s| Some((s, pairs.get(s)?))) {
-            rules.push(format!("sequences matched by the number in their name (`{a}` = `{b}`)"));
+            rules.push(format!(
+                "sequences matched by the number in their name (`{a}` = `{b}`)"
+            ));
             return pairs;
         }
     }
     if let ([a], [b]) = (left, right) {
-        rules.push(format!("the only sequence on either side was matched (`{a}` = `{b}`)"));
+        rules.push(format!(
+            "the only sequence on either side was matched (`{a}` = `{b}`)"
+        ));
         return HashMap::from([(*a, *b)]);
     }
     HashMap::new()

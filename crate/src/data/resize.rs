@@ -59,8 +59,14 @@ fn taps(from: usize, to: usize, filter: Filter) -> Vec<Tap> {
             let start = (at as usize).min(from - 1);
             let weight = at - start as f32;
             match start + 1 < from {
-                true => Tap { start, weights: vec![1.0 - weight, weight] },
-                false => Tap { start, weights: vec![1.0] },
+                true => Tap {
+                    start,
+                    weights: vec![1.0 - weight, weight],
+                },
+                false => Tap {
+                    start,
+                    weights: vec![1.0],
+                },
             }
         }
         Filter::BilinearAntialias => {

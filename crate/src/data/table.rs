@@ -42,8 +42,8 @@ pub fn parse_ground_truth(bytes: &[u8], name: &str) -> Result<Table<GroundTruth>
         }))
     })
     .map_err(|e| e.at(name))?;
-    let (keys, points, mut notices) = arrange(&rows, objects.len(), |k| format!("object {}", objects[k]))
-        .map_err(|e| e.at(name))?;
+    let (keys, points, mut notices) =
+        arrange(&rows, objects.len(), |k| format!("object {}", objects[k])).map_err(|e| e.at(name))?;
     if let Some(row) = rows.rows.iter().find(|r| r.xy.iter().any(|v| v.is_infinite())) {
         return Err(Error::input(format!(
             "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
@@ -202,7 +202,10 @@ fn read(
     if !ignored.is_empty() {
         notices.push(format!("ignored: {}", quote_list(&ignored)));
     }
-    if let Some(twice) = columns.iter().find(|c| header.iter().filter(|h| h.eq_ignore_ascii_case(c)).count() > 1) {
+    if let Some(twice) = columns
+        .iter()
+        .find(|c| header.iter().filter(|h| h.eq_ignore_ascii_case(c)).count() > 1)
+    {
         return Err(Error::input(format!("line 1: column `{twice}` stands twice")));
     }
 
@@ -217,7 +220,11 @@ fn read(
                 "{} fields; expected {} as in the header{}",
                 record.len(),
                 header.len(),
-                if reader.is_done() { " (is the file cut short?)" } else { "" }
+                if reader.is_done() {
+                    " (is the file cut short?)"
+                } else {
+                    ""
+                }
             ))
             .at(format!("line {line}")));
         }
@@ -230,7 +237,10 @@ fn read(
             None => {
                 let name = field(0).to_owned();
                 if name.is_empty() {
-                    return Err(wrong(0, "empty; expected the name or number of the sequence".to_owned()));
+                    return Err(wrong(
+                        0,
+                        "empty; expected the name or number of the sequence".to_owned(),
+                    ));
                 }
                 sequences.push(name.clone());
                 sequence_numbers.insert(name, sequences.len() - 1);
@@ -238,7 +248,10 @@ fn read(
             }
         };
         let frame = field(1).parse().map_err(|_| {
-            wrong(1, format!("`{}` is not a frame; expected a whole number from 0", field(1)))
+            wrong(
+                1,
+                format!("`{}` is not a frame; expected a whole number from 0", field(1)),
+            )
         })?;
         let point = parse_point(field(2)).map_err(|message| wrong(2, message))?;
         let mut xy = [f64::NAN; 2];
@@ -248,18 +261,35 @@ fn read(
                 continue;
             }
             xy[axis] = text.parse().map_err(|_| {
-                let hint = if text.contains(',') { " with a decimal point" } else { "" };
-                wrong(3 + axis, format!("`{text}` is not a number; expected a number{hint}"))
+                let hint = if text.contains(',') {
+                    " with a decimal point"
+                } else {
+                    ""
+                };
+                wrong(
+                    3 + axis,
+                    format!("`{text}` is not a number; expected a number{hint}"),
+                )
             })?;
         }
-        rows.push(Row { line, sequence, frame, point, xy });
+        rows.push(Row {
+            line,
+            sequence,
+            frame,
+            point,
+            xy,
+        });
     }
     if rows.is_empty() {
         return Err(Error::input(format!(
             "the table has a header and no rows; expected one row a point (`{expected}`)"
         )));
     }
-    Ok(Rows { sequences, rows, notices })
+    Ok(Rows {
+        sequences,
+        rows,
+        notices,
+    })
 }
 
 /// The points as T x P x 2 in the order of sequence (natural) and frame, NaN where no row gives one.
@@ -330,7 +360,8 @@ fn decode(bytes: &[u8]) -> Result<&str> {
     }
     std::str::from_utf8(bytes).map_err(|e| {
         let line = bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() + 1;
-        Error::input("not valid UTF-8; save the table as \"CSV UTF-8\" and try again").at(format!("line {line}"))
+        Error::input("not valid UTF-8; save the table as \"CSV UTF-8\" and try again")
+            .at(format!("line {line}"))
     })
 }
 

@@ -1,7 +1,8 @@
 //! Convolutions with packed weights.
 
 use rten_gemm::{
-    BiasVector, ColOffsets, GemmExecutor, GemmInputA, GemmInputB, GemmOptions, Im2Col, PackedAMatrix, RowOffsets,
+    BiasVector, ColOffsets, GemmExecutor, GemmInputA, GemmInputB, GemmOptions, Im2Col, PackedAMatrix,
+    RowOffsets,
 };
 use rten_tensor::NdTensorView;
 
@@ -37,7 +38,10 @@ impl Conv {
         bias: Option<Vec<f32>>,
     ) -> Result<Self> {
         let [outputs, inputs, kernel, _] = weight.shape[..] else {
-            return Err(Error::input(format!("a filter bank has shape {:?}; expected four axes", weight.shape)));
+            return Err(Error::input(format!(
+                "a filter bank has shape {:?}; expected four axes",
+                weight.shape
+            )));
         };
         let columns = inputs * kernel * kernel;
         let mut data = weight.data.clone();
@@ -47,7 +51,13 @@ impl Conv {
             }
         }
         let matrix = NdTensorView::from_data([outputs, columns], &data[..]);
-        Ok(Self { weights: gemm.prepack_a(matrix), bias, inputs, outputs, kernel })
+        Ok(Self {
+            weights: gemm.prepack_a(matrix),
+            bias,
+            inputs,
+            outputs,
+            kernel,
+        })
     }
 
     pub fn outputs(&self) -> usize {

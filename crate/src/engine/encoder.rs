@@ -69,11 +69,20 @@ impl Encoder {
             let first = Conv::new(&gemm, tensor(&name("conv1.weight"))?, Some(&scale), Some(shift))?;
             let second = Conv::new(&gemm, tensor(&name("conv2.weight"))?, None, None)?;
             let (scale, shift) = batch_norm(checkpoint, &name("bn2"))?;
-            blocks.push(Block { first, second, scale, shift });
+            blocks.push(Block {
+                first,
+                second,
+                scale,
+                shift,
+            });
         }
         let bias = tensor("encoder.aggregate_conv.bias")?.data.clone();
         let aggregation = Conv::new(&gemm, tensor("encoder.aggregate_conv.weight")?, None, Some(bias))?;
-        Ok(Self { config: checkpoint.config.clone(), blocks, aggregation })
+        Ok(Self {
+            config: checkpoint.config.clone(),
+            blocks,
+            aggregation,
+        })
     }
 
     /// The architecture and sizes.
@@ -92,8 +101,15 @@ impl Encoder {
     /// # Errors
     /// As [`Encoder::run`].
     pub fn extract(&self, workspace: &mut Workspace, frame: &Frame) -> Result<Vec<[f32; 2]>> {
-        let size = self.config.input_size.unwrap_or([frame.width() as usize, frame.height() as usize]);
-        self.run(workspace, &frame.to_planar(Some(size), Filter::BilinearAntialias), size)
+        let size = self
+            .config
+            .input_size
+            .unwrap_or([frame.width() as usize, frame.height() as usize]);
+        self.run(
+            workspace,
+            &frame.to_planar(Some(size), Filter::BilinearAntialias),
+            size,
+        )
     }
 
     /// The keypoints of an input of 3 x height x width values in [0, 1] with `size` = `[width, height]`.
@@ -109,7 +125,12 @@ impl Encoder {
                 size[1]
             )));
         }
-        let Workspace { gemm, offsets, front, back } = workspace;
+        let Workspace {
+            gemm,
+            offsets,
+            front,
+            back,
+        } = workspace;
         offsets.resize_with(2 * self.blocks.len() + 1, Im2ColOffsets::default);
         let mut size = size;
         front.clear();
@@ -128,10 +149,16 @@ impl Encoder {
             size = to;
         }
         back.resize(self.keypoints() * size[0] * size[1], 0.0);
-        self.aggregation.run(gemm, &mut offsets[2 * self.blocks.len()], front, size, back)?;
-        let keypoints: Vec<[f32; 2]> =
-            back.chunks_exact(size[0] * size[1]).map(|map| soft_argmax(map, size[0])).collect();
-        match keypoints.iter().position(|point| point.iter().any(|v| !v.is_finite())) {
+        self.aggregation
+            .run(gemm, &mut offsets[2 * self.blocks.len()], front, size, back)?;
+        let keypoints: Vec<[f32; 2]> = back
+            .chunks_exact(size[0] * size[1])
+            .map(|map| soft_argmax(map, size[0]))
+            .collect();
+        match keypoints
+            .iter()
+            .position(|point| point.iter().any(|v| !v.is_finite()))
+        {
             Some(n) => Err(Error::numeric(format!(
                 "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged \
                  training do"
@@ -142,7 +169,10 @@ impl Encoder {
 
     /// Where latent points lie in an image of `[width, height]`.
     pub fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
-        let input = self.config.input_size.unwrap_or(image_size.map(|side| side as usize));
+        let input = self
+            .config
+            .input_size
+            .unwrap_or(image_size.map(|side| side as usize));
         let ndc_from_latent = input.map(|side| {
             // Pooling once puts cell k at pixel 2k - 0.5 of its input; three times at 8k - 3.5.
             let (mut stride, mut first, mut cells) = (1.0, 0.0, side);
@@ -164,8 +194,16 @@ fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>
     let part = |part: &str| checkpoint.tensor(&format!("{name}.{part}")).map(|t| &t.data);
     let (weight, bias) = (part("weight")?, part("bias")?);
     let (mean, variance) = (part("running_mean")?, part("running_var")?);
-    let scale: Vec<f32> =
-        weight.iter().zip(variance).map(|(w, v)| w / (v + BATCH_NORM_EPSILON).sqrt()).collect();
-    let shift = bias.iter().zip(mean).zip(&scale).map(|((b, m), s)| b - m * s).collect();
+    let scale: Vec<f32> = weight
+        .iter()
+        .zip(variance)
+        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON).sqrt())
+        .collect();
+    let shift = bias
+        .iter()
+        .zip(mean)
+        .zip(&scale)
+        .map(|((b, m), s)| b - m * s)
+        .collect();
     Ok((scale, shift))
 }

@@ -51,7 +51,10 @@ impl CpuExtractor<Encoder> {
 impl<E: std::borrow::Borrow<Encoder>> CpuExtractor<E> {
     /// An extractor for `encoder`, owned or borrowed.
     pub fn new(encoder: E) -> Self {
-        Self { encoder, workspace: Workspace::default() }
+        Self {
+            encoder,
+            workspace: Workspace::default(),
+        }
     }
 
     /// The encoder.
@@ -72,6 +75,9 @@ impl<E: std::borrow::Borrow<Encoder>> Extractor for CpuExtractor<E> {
     fn extract(&mut self, image: &[u8]) -> Result<Extraction> {
         let frame = Frame::decode(image)?;
         let points = self.encoder.borrow().extract(&mut self.workspace, &frame)?;
-        Ok(Extraction { points, image_size: [frame.width(), frame.height()] })
+        Ok(Extraction {
+            points,
+            image_size: [frame.width(), frame.height()],
+        })
     }
 }

@@ -118,7 +118,11 @@ impl Accumulator {
                 expected[1]
             )));
         }
-        if let Some(k) = truth.rows().into_iter().position(|p| p.iter().any(|v| v.is_infinite())) {
+        if let Some(k) = truth
+            .rows()
+            .into_iter()
+            .position(|p| p.iter().any(|v| v.is_infinite()))
+        {
             return Err(Error::input(format!(
                 "the ground truth of object {k} is infinite; expected numbers, or NaN where it is not visible"
             )));
@@ -310,8 +314,7 @@ impl Centred {
         let outside = |t: &&usize| truth[**t].iter().any(|v| v.abs() > 1.0);
         moments.outside = self.visible.iter().filter(outside).count() as u64;
         moments.truth_mean = mean;
-        moments.truth_squares =
-            [0, 1].map(|axis| self.truth.iter().map(|d| d[axis] * d[axis]).sum());
+        moments.truth_squares = [0, 1].map(|axis| self.truth.iter().map(|d| d[axis] * d[axis]).sum());
         let n = moments.cross[0].len();
         for lane in (0..stride).step_by(LANES) {
             let mut sums = [[0.0; LANES]; 4];

@@ -128,7 +128,10 @@ impl Moments {
                 self.excluded
             )));
         }
-        if let Some(bad) = objects.iter().find(|o| !(o.threshold.is_finite() && o.threshold > 0.0)) {
+        if let Some(bad) = objects
+            .iter()
+            .find(|o| !(o.threshold.is_finite() && o.threshold > 0.0))
+        {
             return Err(Error::input(format!(
                 "the threshold of object `{}` is {}; expected a positive number",
                 bad.name, bad.threshold

@@ -69,7 +69,12 @@ named!(
     "scale-translate" = Transform::ScaleTranslate,
     "affine" = Transform::Affine
 );
-named!(Rank, "rank rule", "reference" = Rank::Reference, "centred" = Rank::Centred);
+named!(
+    Rank,
+    "rank rule",
+    "reference" = Rank::Reference,
+    "centred" = Rank::Centred
+);
 
 /// `truth = A z + b`, on column vectors (x, y).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -246,7 +251,11 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
             for j in 0..2 {
                 r[(0, j + 1)] = root * mean[j];
                 for i in 0..2 {
-                    r[(i + 1, j + 1)] = if spread[i] > noise { spread[i] * axes[(i, j)] } else { 0.0 };
+                    r[(i + 1, j + 1)] = if spread[i] > noise {
+                        spread[i] * axes[(i, j)]
+                    } else {
+                        0.0
+                    };
                 }
             }
             let mut target = Matrix3x2::zeros();
@@ -277,12 +286,7 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
                     }
                 }
             }
-            let a = Matrix2::new(
-                weights[(1, 0)],
-                weights[(2, 0)],
-                weights[(1, 1)],
-                weights[(2, 1)],
-            );
+            let a = Matrix2::new(weights[(1, 0)], weights[(2, 0)], weights[(1, 1)], weights[(2, 1)]);
             let b = Vector2::new(weights[(0, 0)], weights[(0, 1)]);
             fitted(a, b, squares, m.frames, kept < moving_axes + 1)
         }

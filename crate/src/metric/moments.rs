@@ -54,13 +54,9 @@ impl ObjectMoments {
             for axis in 0..2 {
                 self.keypoint_mean[axis][n] += to_mean * step[axis];
             }
-            for (i, product) in [
-                step[0] * step[0],
-                step[0] * step[1],
-                step[1] * step[1],
-            ]
-            .into_iter()
-            .enumerate()
+            for (i, product) in [step[0] * step[0], step[0] * step[1], step[1] * step[1]]
+                .into_iter()
+                .enumerate()
             {
                 self.keypoint_squares[i][n] += other.keypoint_squares[i][n] + between * product;
             }

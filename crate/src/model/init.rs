@@ -24,9 +24,7 @@ pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
         }
         let data = if is_weight || is_conv_bias {
             let bound = 1.0 / (fan_in as f32).sqrt();
-            (0..count)
-                .map(|_| rng.random_range(-bound..=bound))
-                .collect()
+            (0..count).map(|_| rng.random_range(-bound..=bound)).collect()
         } else if name.ends_with("gaussian_sampling.std") {
             vec![config.sigma as f32; count]
         } else if name.ends_with(".bias") || name.ends_with(".running_mean") {

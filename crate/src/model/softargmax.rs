@@ -18,10 +18,8 @@ pub fn spatial_softargmax(maps: Tensor<4>) -> Tensor<3> {
         .iter()
         .flat_map(|&y| xs.iter().flat_map(move |&x| [y, x]))
         .collect();
-    let coordinates = Tensor::<2>::from_data(
-        TensorData::new(coordinates, [height * width, 2]),
-        &maps.device(),
-    );
+    let coordinates =
+        Tensor::<2>::from_data(TensorData::new(coordinates, [height * width, 2]), &maps.device());
     let attention = softmax(maps.reshape([batch * points, height * width]), 1);
     attention.matmul(coordinates).reshape([batch, points, 2])
 }

@@ -100,8 +100,7 @@ impl ModuleVisitor for Collector {
         let shape = param.dims().to_vec();
         match host_values(param.val().into_data()) {
             Ok(data) => {
-                self.tensors
-                    .insert(name, checkpoint::Tensor { shape, data });
+                self.tensors.insert(name, checkpoint::Tensor { shape, data });
             }
             Err(error) => self.failure = Some(error.at(format!("tensor `{name}`"))),
         }

@@ -115,7 +115,10 @@ impl EvaluationReport {
                     rmse_px: fit.zip(image_size).map(|(f, size)| f.rmse_px(size)),
                     frames: object.frames,
                     outside: object.outside,
-                    map: fit.map(|f| MapReport { a: f.map.a, b: f.map.b }),
+                    map: fit.map(|f| MapReport {
+                        a: f.map.a,
+                        b: f.map.b,
+                    }),
                 }
             })
             .collect();
@@ -129,7 +132,11 @@ impl EvaluationReport {
             transform: evaluation.settings.transform.name().to_owned(),
             rank: evaluation.settings.rank.name().to_owned(),
             protocol: "fit-and-score-same-frames".to_owned(),
-            errors: evaluation.errors.outer_iter().map(|row| row.iter().map(finite).collect()).collect(),
+            errors: evaluation
+                .errors
+                .outer_iter()
+                .map(|row| row.iter().map(finite).collect())
+                .collect(),
             warnings: warnings(evaluation),
             objects,
         }
@@ -139,7 +146,8 @@ impl EvaluationReport {
     pub fn to_csv(&self) -> String {
         use std::fmt::Write as _;
         let text = |value: Option<f64>| value.map(|v| v.to_string()).unwrap_or_default();
-        let mut out = String::from("object,tracked,error,threshold,best_keypoint,error_sum,rmse,frames,outside\n");
+        let mut out =
+            String::from("object,tracked,error,threshold,best_keypoint,error_sum,rmse,frames,outside\n");
         for o in &self.objects {
             let name = crate::data::quote_csv(&o.name);
             let best = o.best_keypoint.map(|n| n.to_string()).unwrap_or_default();
@@ -164,7 +172,10 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
     let mut out = Vec::new();
     for object in &evaluation.objects {
         if object.best.is_none() {
-            out.push(format!("object `{}` is visible in no frame and counts as not tracked", object.name));
+            out.push(format!(
+                "object `{}` is visible in no frame and counts as not tracked",
+                object.name
+            ));
         } else if object.frames < 30 {
             out.push(format!(
                 "object `{}` is visible in {} frames: a fitted map needs more to say something",

@@ -93,7 +93,9 @@ pub fn draw_lines<B: DrawingBackend>(backend: B, figure: &LineFigure) -> Result<
 /// When a side is 0.
 pub fn lines_to_svg(figure: &LineFigure, width: u32, height: u32) -> Result<String> {
     if width == 0 || height == 0 {
-        return Err(Error::input(format!("a figure of {width} x {height} has no room; expected at least 1 x 1")));
+        return Err(Error::input(format!(
+            "a figure of {width} x {height} has no room; expected at least 1 x 1"
+        )));
     }
     let mut svg = String::new();
     draw_lines(SVGBackend::with_string(&mut svg, (width, height)), figure)?;
@@ -143,7 +145,9 @@ fn draw<B: DrawingBackend>(
         chart.draw_series([PathElement::new(vec![(x, low), (x, high)], marker)])?;
     }
     for series in &figure.series {
-        let style = ShapeStyle::from(&series.color.rgb()).stroke_width(2 * line_width).filled();
+        let style = ShapeStyle::from(&series.color.rgb())
+            .stroke_width(2 * line_width)
+            .filled();
         for run in runs(&series.values) {
             let points = run.clone().map(|i| (figure.start + i as f64, series.values[i]));
             let dot = line_width * u32::from(run.len() == 1);
@@ -179,7 +183,14 @@ fn legend<B: DrawingBackend>(
 
 /// The range of all finite values with a margin, never empty.
 fn value_range(figure: &LineFigure) -> [f64; 2] {
-    let values = || figure.series.iter().flat_map(|s| &s.values).copied().filter(|v| v.is_finite());
+    let values = || {
+        figure
+            .series
+            .iter()
+            .flat_map(|s| &s.values)
+            .copied()
+            .filter(|v| v.is_finite())
+    };
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
     if low > high {

@@ -46,7 +46,10 @@ impl TrainConfig {
             batch: 32,
             learning_rate: 1e-3,
             noise: 1e-3,
-            split: Split { training: 0.5, validation: 0.25 },
+            split: Split {
+                training: 0.5,
+                validation: 0.25,
+            },
         }
     }
 

@@ -67,7 +67,10 @@ impl Dataset {
         let join = data::join(index.keys(), truth.keys())?;
         let mut notices = join.rules.clone();
         if !join.unmatched_left.is_empty() {
-            notices.push(format!("{} frames have no row of ground truth", join.unmatched_left.len()));
+            notices.push(format!(
+                "{} frames have no row of ground truth",
+                join.unmatched_left.len()
+            ));
         }
         let mut row_of = vec![None; index.keys().len()];
         for (frame, row) in join.pairs {
@@ -82,12 +85,20 @@ impl Dataset {
                 Some(size) if size != own => {
                     Pixels::Floats(frame.to_planar(Some(size), Filter::BilinearAntialias))
                 }
-                _ => Pixels::Bytes((0..3).flat_map(|c| frame.rgb().iter().skip(c).step_by(3)).copied().collect()),
+                _ => Pixels::Bytes(
+                    (0..3)
+                        .flat_map(|c| frame.rgb().iter().skip(c).step_by(3))
+                        .copied()
+                        .collect(),
+                ),
             };
             let target = frame.to_planar(Some(config.target_size), Filter::Bilinear);
             Ok((config.input_size.unwrap_or(own), Decoded { input, target }))
         };
-        let decoded: Vec<_> = (0..index.keys().len()).into_par_iter().map(decode).collect::<Result<_>>()?;
+        let decoded: Vec<_> = (0..index.keys().len())
+            .into_par_iter()
+            .map(decode)
+            .collect::<Result<_>>()?;
         let input_size = decoded[0].0;
         if let Some(i) = decoded.iter().position(|(size, _)| *size != input_size) {
             return Err(Error::mismatch(format!(
@@ -111,15 +122,28 @@ impl Dataset {
                     truth_ndc.index_axis_mut(Axis(0), t).assign(&truth.frame(*row));
                 }
             }
-            sequences.push(Sequence { name: range.name, frames, truth_ndc });
+            sequences.push(Sequence {
+                name: range.name,
+                frames,
+                truth_ndc,
+            });
         }
         if short > 0 {
-            notices.push(format!("{short} sequences of fewer than {SNIPPET} frames are left out"));
+            notices.push(format!(
+                "{short} sequences of fewer than {SNIPPET} frames are left out"
+            ));
         }
         if sequences.is_empty() {
-            return Err(Error::input(format!("no sequence has {SNIPPET} frames, which training needs")));
+            return Err(Error::input(format!(
+                "no sequence has {SNIPPET} frames, which training needs"
+            )));
         }
-        Ok(Self { sequences, objects: truth.names().to_vec(), input_size, notices })
+        Ok(Self {
+            sequences,
+            objects: truth.names().to_vec(),
+            input_size,
+            notices,
+        })
     }
 }
 

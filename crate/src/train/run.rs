@@ -88,8 +88,10 @@ pub fn train(
     config.validate()?;
     let mut rng = StdRng::seed_from_u64(config.seed);
     let (training, validation) = split(dataset, config, &mut rng)?;
-    let snippets: Vec<(&Sequence, usize)> =
-        training.iter().flat_map(|s| (0..s.snippets()).map(move |start| (*s, start))).collect();
+    let snippets: Vec<(&Sequence, usize)> = training
+        .iter()
+        .flat_map(|s| (0..s.snippets()).map(move |start| (*s, start)))
+        .collect();
     let steps = snippets.len() / config.batch;
     if steps == 0 {
         return Err(Error::mismatch(format!(
@@ -103,14 +105,17 @@ pub fn train(
     create_folder(out)?;
     let names = |sequences: &[&'_ Sequence]| sequences.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     let (training_names, validation_names) = (names(&training), names(&validation));
-    write_json(&out.join("config.json"), &RunConfig {
-        version: env!("CARGO_PKG_VERSION"),
-        train: config,
-        input_size: dataset.input_size,
-        objects: &dataset.objects,
-        training_sequences: training_names.iter().map(String::as_str).collect(),
-        validation_sequences: validation_names.iter().map(String::as_str).collect(),
-    })?;
+    write_json(
+        &out.join("config.json"),
+        &RunConfig {
+            version: env!("CARGO_PKG_VERSION"),
+            train: config,
+            input_size: dataset.input_size,
+            objects: &dataset.objects,
+            training_sequences: training_names.iter().map(String::as_str).collect(),
+            validation_sequences: validation_names.iter().map(String::as_str).collect(),
+        },
+    )?;
     let log_path = out.join("log.jsonl");
     let mut log = File::create(&log_path).map_err(|e| Error::io(log_path.display(), &e))?;
 
@@ -122,7 +127,10 @@ pub fn train(
     let save = |trainer: &Trainer, name: &str, epoch: u32| {
         let metadata = BTreeMap::from([
             ("tracklens.training".to_owned(), training_json.clone()),
-            ("tracklens.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            (
+                "tracklens.version".to_owned(),
+                env!("CARGO_PKG_VERSION").to_owned(),
+            ),
             ("tracklens.epoch".to_owned(), epoch.to_string()),
         ]);
         atomic::write(&out.join(name), &trainer.checkpoint(metadata)?.to_safetensors()?)
@@ -130,7 +138,10 @@ pub fn train(
 
     let start = Instant::now();
     let total = u64::from(config.epochs) * steps as u64;
-    report(Event::Started { what: format!("training {}", config.sae.architecture), total });
+    report(Event::Started {
+        what: format!("training {}", config.sae.architecture),
+        total,
+    });
     let mut summary = TrainSummary {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         interrupted: false,
@@ -155,17 +166,28 @@ pub fn train(
                 break;
             }
             let (inputs, targets) = gather(batch, Some((config.noise, &mut rng)));
-            let losses = trainer.step(inputs, targets, dataset.input_size).map_err(|e| diagnose(&e, epoch, config))?;
+            let losses = trainer
+                .step(inputs, targets, dataset.input_size)
+                .map_err(|e| diagnose(&e, epoch, config))?;
             sum.total += losses.total;
             sum.reconstruction += losses.reconstruction;
             sum.velocity += losses.velocity;
             done += 1;
-            let tracked = summary.last.as_ref().map(|l| format!(", TC {:.2}", l.tc)).unwrap_or_default();
-            let note = format!("epoch {epoch}/{}, loss {:.5}{tracked}", config.epochs, losses.total);
+            let tracked = summary
+                .last
+                .as_ref()
+                .map(|l| format!(", TC {:.2}", l.tc))
+                .unwrap_or_default();
+            let note = format!(
+                "epoch {epoch}/{}, loss {:.5}{tracked}",
+                config.epochs, losses.total
+            );
             report(Event::Progress { done, note });
         }
         if summary.interrupted {
-            report(Event::Warning(format!("stopped in epoch {epoch}; the weights of this moment are saved")));
+            report(Event::Warning(format!(
+                "stopped in epoch {epoch}; the weights of this moment are saved"
+            )));
             save(&trainer, "checkpoint_final.safetensors", summary.epochs)?;
             break;
         }
@@ -181,7 +203,11 @@ pub fn train(
             },
             validation: validation_losses,
             tc: evaluation.tc,
-            errors: evaluation.objects.iter().map(|o| (o.name.clone(), o.error)).collect(),
+            errors: evaluation
+                .objects
+                .iter()
+                .map(|o| (o.name.clone(), o.error))
+                .collect(),
         };
         save(&trainer, "checkpoint_final.safetensors", epoch)?;
         if entry.validation.total < best {
@@ -220,8 +246,13 @@ fn split<'a>(
     let count = |share: f64| (share * total as f64).round() as usize;
     let training = count(config.split.training).clamp(1, total - 1);
     let validation = count(config.split.validation).clamp(1, total - training);
-    let mut parts = (order[..training].to_vec(), order[training..training + validation].to_vec());
-    parts.1.sort_by_key(|s| dataset.sequences.iter().position(|other| std::ptr::eq(*s, other)));
+    let mut parts = (
+        order[..training].to_vec(),
+        order[training..training + validation].to_vec(),
+    );
+    parts
+        .1
+        .sort_by_key(|s| dataset.sequences.iter().position(|other| std::ptr::eq(*s, other)));
     Ok(parts)
 }
 
@@ -245,10 +276,16 @@ fn gather(batch: &[(&Sequence, usize)], noise: Option<(f32, &mut StdRng)>) -> (V
 }
 
 /// Losses over all snippets, and the metric over the first frame of each (as the authors evaluate).
-fn validate(trainer: &Trainer, dataset: &Dataset, sequences: &[&Sequence]) -> Result<(Losses, EvaluationReport)> {
+fn validate(
+    trainer: &Trainer,
+    dataset: &Dataset,
+    sequences: &[&Sequence],
+) -> Result<(Losses, EvaluationReport)> {
     let sae = trainer.valid();
-    let snippets: Vec<(&Sequence, usize)> =
-        sequences.iter().flat_map(|s| (0..s.snippets()).map(move |start| (*s, start))).collect();
+    let snippets: Vec<(&Sequence, usize)> = sequences
+        .iter()
+        .flat_map(|s| (0..s.snippets()).map(move |start| (*s, start)))
+        .collect();
     let mut sum = Losses::default();
     let mut accumulator: Option<Accumulator> = None;
     for batch in snippets.chunks(VALIDATION_BATCH) {
@@ -266,7 +303,11 @@ fn validate(trainer: &Trainer, dataset: &Dataset, sequences: &[&Sequence]) -> Re
         }
     }
     let accumulator = accumulator.ok_or_else(|| Error::numeric("there is no snippet to validate on"))?;
-    let objects: Vec<Object> = dataset.objects.iter().map(Object::with_default_threshold).collect();
+    let objects: Vec<Object> = dataset
+        .objects
+        .iter()
+        .map(Object::with_default_threshold)
+        .collect();
     let evaluation = accumulator.finish().evaluate(&objects, &Settings::default())?;
     Ok((sum, EvaluationReport::new(&evaluation, None)))
 }

@@ -65,7 +65,9 @@ impl Trainer {
             return Err(Error::numeric(format!("the loss is {}", losses.total)));
         }
         let gradients = GradientsParams::from_grads(loss.backward(), &self.sae);
-        self.sae = self.optimizer.step(self.learning_rate, self.sae.clone(), gradients);
+        self.sae = self
+            .optimizer
+            .step(self.learning_rate, self.sae.clone(), gradients);
         Ok(losses)
     }
 
@@ -111,7 +113,10 @@ impl Trainer {
             )));
         }
         let reconstruction = (output.reconstruction.clone() - targets).square().mean();
-        let points = output.latent.clone().reshape([frames / SNIPPET, SNIPPET, keypoints * 2]);
+        let points = output
+            .latent
+            .clone()
+            .reshape([frames / SNIPPET, SNIPPET, keypoints * 2]);
         let at = |t: usize| points.clone().narrow(1, t, 1);
         let velocity = (at(2) - at(1) * 2.0 + at(0)).square().mean();
         let weight = self.config.architecture.velocity_weight();
@@ -138,5 +143,8 @@ fn images(values: Vec<f32>, [width, height]: [usize; 2], device: &Device) -> Res
             values.len()
         )));
     }
-    Ok(Tensor::from_data(TensorData::new(values, [count, 3, height, width]), device))
+    Ok(Tensor::from_data(
+        TensorData::new(values, [count, 3, height, width]),
+        device,
+    ))
 }

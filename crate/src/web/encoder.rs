@@ -47,7 +47,10 @@ impl Encoder {
         let load = || {
             let checkpoint = Checkpoint::from_safetensors(bytes)?;
             let extractor = CpuExtractor::from_checkpoint(&checkpoint)?;
-            Ok(Self { extractor, metadata: checkpoint.metadata })
+            Ok(Self {
+                extractor,
+                metadata: checkpoint.metadata,
+            })
         };
         load().map_err(|e: Error| js_error(&e.at(name)))
     }
@@ -75,14 +78,20 @@ impl Encoder {
     pub fn extract(&mut self, image: &[u8], name: &str) -> JsResult<Extraction> {
         let found = self.extractor.extract(image).map_err(|e| js_error(&e.at(name)))?;
         let points = found.points.iter().flatten().map(|v| f64::from(*v)).collect();
-        Ok(Extraction { points, image_size: found.image_size })
+        Ok(Extraction {
+            points,
+            image_size: found.image_size,
+        })
     }
 
     /// Places latent points in an image.
     #[wasm_bindgen(js_name = toImage)]
     pub fn to_image(&self, points: &[f64], width: u32, height: u32) -> Vec<f64> {
         let grid = self.extractor.grid([width, height]);
-        points.chunks_exact(2).flat_map(|p| grid.to_image([p[0], p[1]])).collect()
+        points
+            .chunks_exact(2)
+            .flat_map(|p| grid.to_image([p[0], p[1]]))
+            .collect()
     }
 }
 

@@ -19,8 +19,11 @@ fn figure_from_js(figure: JsValue) -> JsResult<LineFigure> {
 #[wasm_bindgen(js_name = drawLines)]
 pub fn draw_lines(canvas: HtmlCanvasElement, figure: JsValue) -> JsResult<()> {
     let figure = figure_from_js(figure)?;
-    let backend = CanvasBackend::with_canvas_object(canvas)
-        .ok_or_else(|| js_error(&Error::input("the canvas has no 2D context; is it used for WebGL?")))?;
+    let backend = CanvasBackend::with_canvas_object(canvas).ok_or_else(|| {
+        js_error(&Error::input(
+            "the canvas has no 2D context; is it used for WebGL?",
+        ))
+    })?;
     report::draw_lines(backend, &figure).map_err(|e| js_error(&e))
 }
 

@@ -55,7 +55,10 @@ impl FrameIndex {
     pub fn select(&self, positions: Vec<u32>) -> JsResult<FrameIndex> {
         let positions: Vec<usize> = positions.into_iter().map(|i| i as usize).collect();
         let index = self.index.select(&positions).map_err(|e| js_error(&e))?;
-        Ok(Self { index, ignored: self.ignored.clone() })
+        Ok(Self {
+            index,
+            ignored: self.ignored.clone(),
+        })
     }
 
     /// The paths that are no images.

@@ -46,7 +46,10 @@ pub fn classify(path: &str, head: &[u8]) -> JsResult<JsValue> {
         Role::Checkpoint => "checkpoint",
         Role::Unknown => "unknown",
     };
-    to_js(&Classification { role, reason: found.reason })
+    to_js(&Classification {
+        role,
+        reason: found.reason,
+    })
 }
 
 /// A JavaScript `Error` with the message and the kind.
@@ -77,10 +80,15 @@ fn from_js<T: DeserializeOwned + Default>(value: JsValue, what: &str, keys: &[&s
     }
     if let Some(object) = value.dyn_ref::<Object>() {
         // A misspelt option would silently be a default.
-        let names: Vec<String> = Object::keys(object).iter().filter_map(|key| key.as_string()).collect();
+        let names: Vec<String> = Object::keys(object)
+            .iter()
+            .filter_map(|key| key.as_string())
+            .collect();
         if let Some(other) = names.iter().find(|name| !keys.contains(&name.as_str())) {
             let expected = keys.join(", ");
-            return Err(js_error(&Error::input(format!("{what}: unknown field `{other}`; expected {expected}"))));
+            return Err(js_error(&Error::input(format!(
+                "{what}: unknown field `{other}`; expected {expected}"
+            ))));
         }
     }
     serde_wasm_bindgen::from_value(value).map_err(|e| js_error(&Error::input(format!("{what}: {e}"))))
@@ -94,6 +102,10 @@ struct Sequence {
 }
 
 fn sequences_to_js(ranges: Vec<data::SequenceRange>) -> JsResult<JsValue> {
-    let plain = |r: data::SequenceRange| Sequence { name: r.name, start: r.start, length: r.length };
+    let plain = |r: data::SequenceRange| Sequence {
+        name: r.name,
+        start: r.start,
+        length: r.length,
+    };
     to_js(&ranges.into_iter().map(plain).collect::<Vec<_>>())
 }

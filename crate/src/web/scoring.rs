@@ -108,8 +108,13 @@ impl Scoring {
     pub fn images_from(&self, frames: &FrameIndex) -> Vec<i32> {
         let keys = self.scoring.keys();
         let mut images = vec![-1; keys.len()];
-        let exact: HashMap<&FrameKey, usize> =
-            frames.index.keys().iter().enumerate().map(|(i, key)| (key, i)).collect();
+        let exact: HashMap<&FrameKey, usize> = frames
+            .index
+            .keys()
+            .iter()
+            .enumerate()
+            .map(|(i, key)| (key, i))
+            .collect();
         if keys.iter().any(|key| exact.contains_key(key)) {
             for (image, key) in images.iter_mut().zip(keys) {
                 if let Some(i) = exact.get(key) {
@@ -132,7 +137,10 @@ impl Scoring {
         let options = ScoreOptions::from_js(options, "evaluate")?;
         let settings = options.settings()?;
         let thresholds: Vec<(String, f64)> = options.thresholds.into_iter().collect();
-        let evaluation = self.scoring.evaluate(&thresholds, &settings).map_err(|e| js_error(&e))?;
+        let evaluation = self
+            .scoring
+            .evaluate(&thresholds, &settings)
+            .map_err(|e| js_error(&e))?;
         to_js(&EvaluationReport::new(&evaluation, options.image_size))
     }
 
@@ -143,7 +151,10 @@ impl Scoring {
     pub fn series(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
         let options = ScoreOptions::from_js(options, "series")?;
         let settings = options.settings()?;
-        let series = self.scoring.series(object, keypoint, &settings).map_err(|e| js_error(&e))?;
+        let series = self
+            .scoring
+            .series(object, keypoint, &settings)
+            .map_err(|e| js_error(&e))?;
         let out = Object::new();
         for (name, points) in [
             ("truth", series.truth_ndc),

@@ -81,16 +81,29 @@ impl KeypointTable {
     /// # Errors
     /// When the number of points is another one.
     #[wasm_bindgen(js_name = fromExtraction)]
-    pub fn from_extraction(frames: &FrameIndex, points: Vec<f64>, keypoints: usize) -> JsResult<KeypointTable> {
+    pub fn from_extraction(
+        frames: &FrameIndex,
+        points: Vec<f64>,
+        keypoints: usize,
+    ) -> JsResult<KeypointTable> {
         let keys = frames.index.keys().to_vec();
         let (count, shape) = (points.len(), (keys.len(), keypoints, 2));
         let content = Array3::from_shape_vec(shape, points)
             .map_err(|_| {
-                Error::input(format!("{count} numbers for {} frames of {keypoints} keypoints", shape.0))
+                Error::input(format!(
+                    "{count} numbers for {} frames of {keypoints} keypoints",
+                    shape.0
+                ))
             })
             .and_then(|points| KeypointTrack::new(keys, points))
             .map_err(|e| js_error(&e))?;
-        Ok(Self { name: "extraction".to_owned(), table: Table { content, notices: Vec::new() } })
+        Ok(Self {
+            name: "extraction".to_owned(),
+            table: Table {
+                content,
+                notices: Vec::new(),
+            },
+        })
     }
 
     /// The name of the file, or `extraction`.

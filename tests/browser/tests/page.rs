@@ -24,49 +24,93 @@ async fn shows(page: &Page, expected: &Value, tolerance: f64) {
     let tc = page.number("document.querySelector('#results').dataset.tc").await;
     assert_eq!(Some(tc), expected["tc"].as_f64());
     let objects = expected["objects"].as_array().expect("objects");
-    assert_eq!(page.number("document.querySelectorAll('.card').length").await, objects.len() as f64);
+    assert_eq!(
+        page.number("document.querySelectorAll('.card').length").await,
+        objects.len() as f64
+    );
     for object in objects {
-        let card = format!("document.querySelector('.card[data-object={}]').dataset", object["name"]);
+        let card = format!(
+            "document.querySelector('.card[data-object={}]').dataset",
+            object["name"]
+        );
         let error = object["error"].as_f64().expect("a number");
         let shown = page.number(&format!("{card}.error")).await;
         let difference = (shown - error).abs() / error;
-        println!("{}: {shown} in the page, {error} in the terminal, relative difference {difference:.1e}", object["name"]);
+        println!(
+            "{}: {shown} in the page, {error} in the terminal, relative difference {difference:.1e}",
+            object["name"]
+        );
         assert!(difference <= tolerance, "{}: {shown} and {error}", object["name"]);
         for field in ["threshold", "frames", "outside"] {
-            assert_eq!(Some(page.number(&format!("{card}.{field}")).await), object[field].as_f64(), "{field}");
+            assert_eq!(
+                Some(page.number(&format!("{card}.{field}")).await),
+                object[field].as_f64(),
+                "{field}"
+            );
         }
-        assert_eq!(Some(page.number(&format!("{card}.keypoint")).await), object["best_keypoint"].as_f64());
-        assert_eq!(page.value(&format!("{card}.tracked")).await, object["tracked"].to_string());
+        assert_eq!(
+            Some(page.number(&format!("{card}.keypoint")).await),
+            object["best_keypoint"].as_f64()
+        );
+        assert_eq!(
+            page.value(&format!("{card}.tracked")).await,
+            object["tracked"].to_string()
+        );
     }
 }
 
 fn evaluation_of_the_example() -> Value {
     let [checkpoint, frames, truth] =
         ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
-    tracklens(&["eval", "--json", "--checkpoint", &checkpoint, "--frames", &frames, "--truth", &truth])
+    tracklens(&[
+        "eval",
+        "--json",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &truth,
+    ])
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_dropped_folder_scores_as_in_the_terminal() {
     let page = Page::open().await;
     page.pick_folder(&example("frames")).await;
-    page.until("document.querySelector('#files [data-role=image]')").await;
+    page.until("document.querySelector('#files [data-role=image]')")
+        .await;
     // In any order, in several goes.
     page.pick(&[&example("checkpoint.safetensors")]).await;
-    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')").await;
+    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')")
+        .await;
     page.pick(&[&example("ground_truth.csv")]).await;
     page.until_scored().await;
     shows(&page, &evaluation_of_the_example(), ERRORS).await;
 
-    let frames = page.number("document.querySelector('#files [data-role=image]').dataset.frames").await;
-    assert_eq!(page.number("document.querySelector('#join').dataset.matched").await, frames);
-    assert_eq!(page.number("document.querySelector('#join').dataset.unmatchedRows").await, 0.0);
+    let frames = page
+        .number("document.querySelector('#files [data-role=image]').dataset.frames")
+        .await;
+    assert_eq!(
+        page.number("document.querySelector('#join').dataset.matched")
+            .await,
+        frames
+    );
+    assert_eq!(
+        page.number("document.querySelector('#join').dataset.unmatchedRows")
+            .await,
+        0.0
+    );
 
     // The keypoints themselves: extracted in the worker, saved by the page, against the command's.
     let folder = tempfile::tempdir().expect("a folder");
     let saved = text(&folder.path().join("kp.csv"));
     let extracted = std::process::Command::new(std::env::var_os("TRACKLENS_BIN").expect("the binary"))
-        .args(["extract", "--checkpoint", &text(&example("checkpoint.safetensors"))])
+        .args([
+            "extract",
+            "--checkpoint",
+            &text(&example("checkpoint.safetensors")),
+        ])
         .args(["--frames", &text(&example("frames")), "--out", &saved])
         .output()
         .expect("the binary runs");
@@ -120,23 +164,39 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once() {
     for object in ["cube", "target", "eef"] {
         page.value(&set(object, "5")).await;
     }
-    assert_eq!(page.number("document.querySelector('#results').dataset.tc").await, 1.0);
+    assert_eq!(
+        page.number("document.querySelector('#results').dataset.tc").await,
+        1.0
+    );
     assert_eq!(page.value(&set("eef", "0.000001")).await, (2.0 / 3.0).to_string());
     // What cannot be a threshold changes nothing.
     assert_eq!(page.value(&set("eef", "-3")).await, (2.0 / 3.0).to_string());
     assert_eq!(page.value("document.querySelector('#threshold-eef').ariaInvalid ?? document.querySelector('#threshold-eef').getAttribute('aria-invalid')").await, "true");
 
     // The transform acts at once, too, and equals the command's.
-    page.value("document.querySelector('input[name=transform][value=identity]').click()").await;
-    page.until("document.querySelector('#results').textContent.includes('without a fitted map')").await;
+    page.value("document.querySelector('input[name=transform][value=identity]').click()")
+        .await;
+    page.until("document.querySelector('#results').textContent.includes('without a fitted map')")
+        .await;
 
     // The viewer: the picture is there, keys move it, both plots are drawn.
-    page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')").await;
-    let before = page.number("document.querySelector('#stage').dataset.frame").await;
-    let stage = page.driver.find(thirtyfour::By::Css("#stage")).await.expect("a stage");
+    page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
+        .await;
+    let before = page
+        .number("document.querySelector('#stage').dataset.frame")
+        .await;
+    let stage = page
+        .driver
+        .find(thirtyfour::By::Css("#stage"))
+        .await
+        .expect("a stage");
     stage.focus().await.expect("focus");
     stage.send_keys("" + thirtyfour::Key::Right).await.expect("a key");
-    page.until(&format!("Number(document.querySelector('#stage').dataset.frame) === {}", before + 1.0)).await;
+    page.until(&format!(
+        "Number(document.querySelector('#stage').dataset.frame) === {}",
+        before + 1.0
+    ))
+    .await;
     let drawn = "[...document.querySelectorAll('#viewer canvas')].every((c) => c.width > 100 && c.getContext('2d')\
                  .getImageData(0, 0, c.width, c.height).data.some((v, i, d) => v !== d[i % 4]))";
     page.until(drawn).await;
@@ -148,8 +208,10 @@ async fn an_extraction_can_be_cancelled_and_goes_on() {
     let page = Page::open().await;
     // An encoder that takes the frames at their full size, so that there is something to cancel.
     let slow = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden/basic-vel-std-bg-tiny.safetensors");
+    let slow = slow.canonicalize().expect("the golden file");
     page.pick(&[&slow, &example("ground_truth.csv")]).await;
-    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')").await;
+    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')")
+        .await;
     page.value(
         "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
          if (place.dataset.status === 'running' && Number(place.dataset.done) >= 2 && !globalThis.__cancelled) { \
@@ -160,16 +222,37 @@ async fn an_extraction_can_be_cancelled_and_goes_on() {
     .await;
     page.pick_folder(&example("frames")).await;
     page.until("globalThis.__cancelled").await;
-    page.until("document.querySelector('#extraction').dataset.status === 'cancelled'").await;
-    let done = page.number("document.querySelector('#extraction').dataset.done").await;
-    let total = page.number("document.querySelector('#extraction').dataset.total").await;
+    page.until("document.querySelector('#extraction').dataset.status === 'cancelled'")
+        .await;
+    let done = page
+        .number("document.querySelector('#extraction').dataset.done")
+        .await;
+    let total = page
+        .number("document.querySelector('#extraction').dataset.total")
+        .await;
     assert!(done >= 2.0 && done < total, "{done} of {total}");
-    assert!(page.value("globalThis.__cancelled[0]").await.as_f64().expect("ms") < 200.0);
+    assert!(
+        page.value("globalThis.__cancelled[0]")
+            .await
+            .as_f64()
+            .expect("ms")
+            < 200.0
+    );
 
     page.click("#extract").await;
     page.until_scored().await;
-    let [checkpoint, frames, truth] = [&slow, &example("frames"), &example("ground_truth.csv")].map(|p| text(p));
-    let expected = tracklens(&["eval", "--json", "--checkpoint", &checkpoint, "--frames", &frames, "--truth", &truth]);
+    let [checkpoint, frames, truth] =
+        [&slow, &example("frames"), &example("ground_truth.csv")].map(|p| text(p));
+    let expected = tracklens(&[
+        "eval",
+        "--json",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &truth,
+    ]);
     // Activations of random weights at full size: 1e-5 where the trained ones agree to 1e-6.
     shows(&page, &expected, 1e-5).await;
     page.close().await;
@@ -184,7 +267,13 @@ fn tables() -> tempfile::TempDir {
         let (s, c) = (f64::from(t) * 0.37).sin_cos();
         truth += &format!("a,{t},cube,{},{}\n", 0.5 * s, 0.5 * c);
         truth += &format!("a,{t},eef,{},{}\n", 0.4 * s * c, 0.3 * s * s);
-        keypoints += &format!("a,{t},0,{},{}\na,{t},1,{},{}\n", 0.3 * c + 0.1, -s, s * s * s, 0.2 * c * s);
+        keypoints += &format!(
+            "a,{t},0,{},{}\na,{t},1,{},{}\n",
+            0.3 * c + 0.1,
+            -s,
+            s * s * s,
+            0.2 * c * s
+        );
     }
     fs::write(folder.path().join("gt.csv"), truth).expect("written");
     fs::write(folder.path().join("kp.csv"), keypoints).expect("written");
@@ -198,7 +287,14 @@ async fn keypoints_take_the_place_of_frames_and_checkpoint() {
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
     page.pick(&[&keypoints, &truth]).await;
     page.until_scored().await;
-    let expected = tracklens(&["score", "--json", "--truth", &text(&truth), "--keypoints", &text(&keypoints)]);
+    let expected = tracklens(&[
+        "score",
+        "--json",
+        "--truth",
+        &text(&truth),
+        "--keypoints",
+        &text(&keypoints),
+    ]);
     shows(&page, &expected, 1e-12).await;
     page.close().await;
 }
@@ -211,10 +307,22 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced() {
     let good = fs::read_to_string(at("gt.csv")).expect("a table");
     let duplicate = format!("{good}a,0,cube,0,0\n");
     for (name, content, expected) in [
-        ("column.csv", good.replacen(",y\n", ",z\n", 1), "column `y` missing; expected `sequence,frame,object,x,y`"),
-        ("text.csv", good.replacen("cube,", "cube,abc", 1), "line 2, column `x`: `abc"),
+        (
+            "column.csv",
+            good.replacen(",y\n", ",z\n", 1),
+            "column `y` missing; expected `sequence,frame,object,x,y`",
+        ),
+        (
+            "text.csv",
+            good.replacen("cube,", "cube,abc", 1),
+            "line 2, column `x`: `abc",
+        ),
         ("twice.csv", duplicate, "stands already in line 2"),
-        ("empty.csv", "sequence,frame,object,x,y\n".to_owned(), "the table has a header and no rows"),
+        (
+            "empty.csv",
+            "sequence,frame,object,x,y\n".to_owned(),
+            "the table has a header and no rows",
+        ),
     ] {
         fs::write(at(name), content).expect("written");
         page.pick(&[&at(name)]).await;
@@ -230,15 +338,23 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced() {
     page.pick(&[&at("windows.csv"), &at("kp.csv")]).await;
     page.until_scored().await;
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| text(&at(name)));
-    shows(&page, &tracklens(&["score", "--json", "--truth", &truth, "--keypoints", &keypoints]), 1e-12).await;
+    shows(
+        &page,
+        &tracklens(&["score", "--json", "--truth", &truth, "--keypoints", &keypoints]),
+        1e-12,
+    )
+    .await;
 
     // A second ground truth is not taken silently.
     page.pick(&[&at("gt.csv")]).await;
-    page.until("document.querySelector('#files [data-role=ground-truth][data-state=spare]')").await;
-    page.until("document.querySelector('#problems').textContent.includes('gt.csv')").await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=spare]')")
+        .await;
+    page.until("document.querySelector('#problems').textContent.includes('gt.csv')")
+        .await;
     // And the page goes on.
     page.click("#try-example").await;
-    page.until("document.querySelectorAll('.card').length === 3").await;
+    page.until("document.querySelectorAll('.card').length === 3")
+        .await;
     shows(&page, &evaluation_of_the_example(), ERRORS).await;
     page.close().await;
 }
@@ -248,7 +364,12 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     let page = Page::open().await;
     let folder = tempfile::tempdir().expect("a folder");
     let recording = folder.path().join("recording");
-    let source = fs::read_dir(example("frames")).expect("frames").next().expect("one").expect("a folder").path();
+    let source = fs::read_dir(example("frames"))
+        .expect("frames")
+        .next()
+        .expect("one")
+        .expect("a folder")
+        .path();
     let sequence = recording.join(source.file_name().expect("a name"));
     fs::create_dir_all(&sequence).expect("a folder");
     for frame in fs::read_dir(&source).expect("frames") {
@@ -259,18 +380,49 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     let bytes = fs::read(&broken).expect("a frame");
     fs::write(&broken, &bytes[..bytes.len() / 2]).expect("written");
     fs::write(sequence.join("frame_099.png"), &bytes).expect("written");
+    // The size stands in bytes 16 to 24, its checksum in bytes 29 to 33.
+    for (name, side, checksum) in [
+        ("frame_004.png", 1u32, [0x90, 0x77, 0x53, 0xde]),
+        ("frame_005.png", 20_000, [0x6c, 0x12, 0xd1, 0x6e]),
+    ] {
+        let mut header = bytes.clone();
+        header[16..20].copy_from_slice(&side.to_be_bytes());
+        header[20..24].copy_from_slice(&side.to_be_bytes());
+        header[29..33].copy_from_slice(&checksum);
+        fs::write(sequence.join(name), header).expect("written");
+    }
     fs::write(recording.join("notes.pdf"), "no image").expect("written");
 
     page.pick_folder(&recording).await;
-    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")]).await;
+    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
+        .await;
     page.until_scored().await;
-    // 10 frames and one too many; one is cut short, one has no row, 150 rows have no frame.
-    assert_eq!(page.number("document.querySelector('#extraction').dataset.failed").await, 1.0);
+    // 10 frames and one too many; one is cut short, two are of impossible sizes, one has no row.
+    assert_eq!(
+        page.number("document.querySelector('#extraction').dataset.failed")
+            .await,
+        3.0
+    );
+    page.until_text("the image is 1 x 1 pixels; expected 16 to 8192 a side")
+        .await;
+    page.until_text("the image is 20000 x 20000 pixels").await;
     page.until_text("frame_003.png").await;
     page.until_text("cannot be decoded").await;
-    assert_eq!(page.number("document.querySelector('.card').dataset.frames").await, 9.0);
-    assert_eq!(page.number("document.querySelector('#join').dataset.unmatchedFrames").await, 1.0);
-    assert!(page.number("document.querySelector('#join').dataset.unmatchedRows").await >= 150.0);
+    assert_eq!(
+        page.number("document.querySelector('.card').dataset.frames")
+            .await,
+        7.0
+    );
+    assert_eq!(
+        page.number("document.querySelector('#join').dataset.unmatchedFrames")
+            .await,
+        1.0
+    );
+    assert!(
+        page.number("document.querySelector('#join').dataset.unmatchedRows")
+            .await
+            >= 150.0
+    );
     page.until_text("notes.pdf").await;
 
     // Nothing that can be used at all.

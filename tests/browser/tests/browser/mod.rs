@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use thirtyfour::prelude::*;
 
 /// Longer than anything takes on a busy machine; a test that waits this long has failed.
-const PATIENCE: Duration = Duration::from_secs(90);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// What the page may not do unnoticed: errors, rejected promises, console errors, violations of its policy.
 const WATCH: &str = r#"
@@ -43,8 +43,15 @@ pub fn example(name: &str) -> PathBuf {
 /// What the `tracklens` command prints as JSON.
 pub fn tracklens(arguments: &[&str]) -> Value {
     let binary = from_environment("TRACKLENS_BIN");
-    let output = Command::new(&binary).args(arguments).output().expect("the binary runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(&binary)
+        .args(arguments)
+        .output()
+        .expect("the binary runs");
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
@@ -55,40 +62,25 @@ fn from_environment(name: &str) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Serves the site on a free port of the loopback for as long as the test process lives.
-fn serve(site: PathBuf) -> String {
-    let server = tiny_http::Server::http("127.0.0.1:0").expect("a free port");
-    let port = server.server_addr().to_ip().expect("an address").port();
-    std::thread::spawn(move || {
-        for request in server.incoming_requests() {
-            let path = request.url().split('?').next().unwrap_or_default().trim_start_matches('/');
-            let path = site.join(if path.is_empty() { "index.html" } else { path });
-            let kind = match path.extension().and_then(|e| e.to_str()).unwrap_or_default() {
-                "html" => "text/html; charset=utf-8",
-                "js" => "text/javascript; charset=utf-8",
-                "css" => "text/css; charset=utf-8",
-                "wasm" => "application/wasm",
-                "svg" => "image/svg+xml",
-                "json" => "application/json",
-                "png" => "image/png",
-                _ => "application/octet-stream",
-            };
-            let header = tiny_http::Header::from_bytes("Content-Type", kind).expect("a header");
-            // A client that went away is no concern of the server.
-            let _ = match std::fs::read(&path) {
-                Ok(bytes) => request.respond(tiny_http::Response::from_data(bytes).with_header(header)),
-                Err(_) => request.respond(tiny_http::Response::from_string("not found").with_status_code(404)),
-            };
-        }
-    });
-    format!("http://127.0.0.1:{port}")
+/// Serves the site on a free port of the loopback for as long as the runtime of the test lives.
+async fn serve(site: PathBuf) -> String {
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0")
+        .await
+        .expect("a free port");
+    let address = listener.local_addr().expect("an address");
+    let files = tower_http::services::ServeDir::new(site);
+    tokio::spawn(async move { axum::serve(listener, axum::Router::new().fallback_service(files)).await });
+    format!("http://{address}")
 }
 
 impl Page {
     /// Opens the page and waits until it is ready.
     pub async fn open() -> Self {
-        let origin = serve(site());
-        let port = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a free port").port();
+        let origin = serve(site()).await;
+        let port = TcpListener::bind("127.0.0.1:0")
+            .and_then(|l| l.local_addr())
+            .expect("a free port")
+            .port();
         let chromedriver = Command::new("chromedriver")
             .arg(format!("--port={port}"))
             .stdout(Stdio::null())
@@ -120,11 +112,21 @@ impl Page {
                 Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
             }
         };
-        let page = Self { driver, origin, chromedriver, _profile: profile };
+        let page = Self {
+            driver,
+            origin,
+            chromedriver,
+            _profile: profile,
+        };
         let watch = json!({ "source": WATCH });
-        page.driver.cdp().send_raw("Page.addScriptToEvaluateOnNewDocument", watch).await.expect("a watch");
+        page.driver
+            .cdp()
+            .send_raw("Page.addScriptToEvaluateOnNewDocument", watch)
+            .await
+            .expect("a watch");
         page.driver.goto(&page.origin).await.expect("the page");
-        page.until("!document.querySelector('#try-example').disabled").await;
+        page.until("!document.querySelector('#try-example').disabled")
+            .await;
         page
     }
 
@@ -132,13 +134,18 @@ impl Page {
     pub async fn value(&self, expression: &str) -> Value {
         let script = format!("return ({expression});");
         let found = self.driver.execute(script, vec![]).await;
-        found.unwrap_or_else(|e| panic!("{expression}: {e}")).json().clone()
+        found
+            .unwrap_or_else(|e| panic!("{expression}: {e}"))
+            .json()
+            .clone()
     }
 
     /// The value of an expression as a number.
     pub async fn number(&self, expression: &str) -> f64 {
         let value = self.value(&format!("Number({expression})")).await;
-        value.as_f64().unwrap_or_else(|| panic!("{expression} is {value}"))
+        value
+            .as_f64()
+            .unwrap_or_else(|| panic!("{expression} is {value}"))
     }
 
     /// Waits until an expression is true.
@@ -147,7 +154,9 @@ impl Page {
         while self.value(&format!("Boolean({expression})")).await != Value::Bool(true) {
             if start.elapsed() > PATIENCE {
                 let shown = self.value("document.querySelector('main').innerText").await;
-                panic!("waited in vain for {expression}; the page shows:\n{}", shown.as_str().unwrap_or_default());
+                let complaints = self.value("globalThis.__complaints").await;
+                let shown = shown.as_str().unwrap_or_default();
+                panic!("waited in vain for {expression}; complaints: {complaints}; the page shows:\n{shown}");
             }
             tokio::time::sleep(Duration::from_millis(40)).await;
         }
@@ -156,14 +165,24 @@ impl Page {
     /// Waits until the page shows a text.
     pub async fn until_text(&self, text: &str) {
         let quoted = Value::from(text);
-        self.until(&format!("document.querySelector('main').textContent.includes({quoted})")).await;
+        self.until(&format!(
+            "document.querySelector('main').textContent.includes({quoted})"
+        ))
+        .await;
     }
 
     pub async fn click(&self, selector: &str) {
-        self.until(&format!("document.querySelector({0})?.disabled === false", Value::from(selector))).await;
+        self.until(&format!(
+            "document.querySelector({0})?.disabled === false",
+            Value::from(selector)
+        ))
+        .await;
         let element = self.driver.find(By::Css(selector)).await.expect("an element");
         element.scroll_into_view().await.expect("in view");
-        element.click().await.unwrap_or_else(|e| panic!("{selector}: {e}"));
+        element
+            .click()
+            .await
+            .unwrap_or_else(|e| panic!("{selector}: {e}"));
     }
 
     /// Picks files in the page's own input.
@@ -179,11 +198,15 @@ impl Page {
 
     async fn input(&self, selector: &str, paths: &str) {
         let input = self.driver.find(By::Css(selector)).await.expect("an input");
-        input.send_keys(paths).await.unwrap_or_else(|e| panic!("{selector}: {e}"));
+        input
+            .send_keys(paths)
+            .await
+            .unwrap_or_else(|e| panic!("{selector}: {e}"));
     }
 
     pub async fn until_scored(&self) {
-        self.until("document.querySelector('#results').dataset.tc !== undefined").await;
+        self.until("document.querySelector('#results').dataset.tc !== undefined")
+            .await;
     }
 
     /// Nothing went wrong behind the scenes, and nothing was asked of anyone but the page's own server.
