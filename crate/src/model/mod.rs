@@ -9,7 +9,7 @@
 //! rest of the crate, which speaks (x, y).
 //!
 //! Training behaviour (batch statistics) is a matter of the device: inputs on an autodiff device train, and
-//! [`Module::valid`](burn::prelude::Module::valid) gives the module that infers.
+//! [`Module::valid`](burn::prelude::Module) gives the module that infers.
 //!
 //! ```
 //! use burn::prelude::{Device, Tensor};
