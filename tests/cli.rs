@@ -428,3 +428,117 @@ fn help_names_every_command_and_the_exit_codes() {
         assert!(help.contains(word), "{help}");
     }
 }
+
+#[cfg(all(feature = "train", unix))]
+mod train {
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    fn arguments(out: &Path, more: &[&str]) -> Vec<String> {
+        let (data, out) = (frames(), out.to_string_lossy().into_owned());
+        let fixed = [
+            "train",
+            "--data",
+            &data,
+            "--out",
+            &out,
+            "--arch",
+            "basic-vel-std-bg",
+            "--keypoints",
+            "4",
+            "--encoder-channels",
+            "4,6,8",
+            "--decoder-channels",
+            "8,6,4",
+            "--input-size",
+            "32",
+            "--target-size",
+            "16",
+            "--batch",
+            "2",
+            "--split",
+            "0.67,0.33",
+        ];
+        fixed.iter().chain(more).map(|a| (*a).to_owned()).collect()
+    }
+
+    #[test]
+    fn a_trained_checkpoint_can_be_evaluated() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("run");
+        let trained = tracklens(&arguments(&out, &["--epochs", "2"]));
+        assert!(trained.status.success(), "{}", stderr(&trained));
+        assert!(stderr(&trained).contains("epoch 2: TC "), "{}", stderr(&trained));
+        let checkpoint = out
+            .join("checkpoint_best.safetensors")
+            .to_string_lossy()
+            .into_owned();
+        let truth = data("data/panda_push/ground_truth.csv")
+            .to_string_lossy()
+            .into_owned();
+        let evaluated = tracklens(&[
+            "eval",
+            "--checkpoint",
+            &checkpoint,
+            "--frames",
+            &frames(),
+            "--truth",
+            &truth,
+        ]);
+        assert_eq!(json(&evaluated)["frames"], 15);
+
+        let again = tracklens(&arguments(&out, &["--epochs", "2"]));
+        assert_eq!(again.status.code(), Some(3));
+        assert!(
+            stderr(&again).contains("holds a run already"),
+            "{}",
+            stderr(&again)
+        );
+        let unknown = tracklens(&[
+            "train",
+            "--data",
+            &frames(),
+            "--out",
+            "x",
+            "--arch",
+            "basic-bg-vel",
+        ]);
+        assert_eq!(unknown.status.code(), Some(2));
+        assert!(
+            stderr(&unknown).contains("unknown architecture `basic-bg-vel`"),
+            "{}",
+            stderr(&unknown)
+        );
+    }
+
+    #[test]
+    fn ctrl_c_saves_and_ends_cleanly() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("run");
+        let mut running = Command::new(env!("CARGO_BIN_EXE_tracklens"))
+            .args(arguments(&out, &["--epochs", "100000", "--quiet"]))
+            .spawn()
+            .expect("the binary runs");
+        let start = Instant::now();
+        let lines = || std::fs::read_to_string(out.join("log.jsonl")).map_or(0, |log| log.lines().count());
+        while lines() < 2 {
+            assert!(start.elapsed() < Duration::from_secs(60), "no epoch in a minute");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let pid = running.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args(["-INT", &pid])
+                .status()
+                .expect("kill runs")
+                .success()
+        );
+        assert_eq!(running.wait().expect("it ends").code(), Some(130));
+        let summary = std::fs::read(out.join("summary.json")).expect("a summary");
+        let summary: Value = serde_json::from_slice(&summary).expect("JSON");
+        assert_eq!(summary["interrupted"], true);
+        assert_eq!(summary["epochs"].as_u64(), Some(lines() as u64));
+        assert!(out.join("checkpoint_final.safetensors").exists());
+    }
+}

@@ -33,6 +33,7 @@ impl ObjectMoments {
     }
 
     /// Merges the moments of other frames (pairwise update of Chan, Golub and LeVeque, 1983).
+    #[inline(always)]
     pub fn merge(&mut self, other: &Self) {
         if other.frames == 0 {
             return;
