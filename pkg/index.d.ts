@@ -67,7 +67,8 @@ export class KeypointTable {
 
 /**
  * The frames among dropped files: images by path, one folder a sequence, in natural order
- * (`frame_2` before `frame_10`). Throws when there is no image among the paths.
+ * (`frame_2` before `frame_10`). Throws when there is no image among the paths, and when the numbers in the file
+ * names of a folder do not tell its frames apart (a copy beside its original).
  */
 export class FrameIndex {
   constructor(paths: string[]);

@@ -170,16 +170,44 @@ fn frames_without_partner_are_counted_and_shown() {
             tables.read("gt.csv").replace("a,39,", "a,99,")
         ),
     );
-    let output = tables.score(&[]);
-    assert_eq!(json(&output)["frames"], 39);
-    let told = stderr(&output);
+    let result = json(&tables.score(&[]));
+    assert_eq!(result["frames"], 39);
+    let warnings = result["warnings"].to_string();
+    assert!(warnings.contains("1 frame(s) without a row of ground truth do not count: sequence a, frame 39"));
     assert!(
-        told.contains("1 frames have no row of ground truth and do not count: sequence a, frame 39"),
-        "{told}"
+        warnings.contains("2 frame(s) of the ground truth without keypoints do not count"),
+        "{warnings}"
     );
+    let csv = tables.score(&["--csv"]);
     assert!(
-        told.contains("2 frames of the ground truth have no keypoints"),
-        "{told}"
+        stderr(&csv).contains("warning: 1 frame(s) without a row"),
+        "{}",
+        stderr(&csv)
+    );
+}
+
+#[test]
+fn one_sequence_is_named_by_its_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("kp.csv").to_string_lossy().into_owned();
+    let one = data("data/panda_push/seq_0012").to_string_lossy().into_owned();
+    let extracted = tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint(),
+        "--frames",
+        &one,
+        "--out",
+        &out,
+    ]);
+    assert!(extracted.status.success(), "{}", stderr(&extracted));
+    let table = std::fs::read_to_string(&out).expect("a table");
+    assert!(
+        table
+            .lines()
+            .nth(1)
+            .is_some_and(|line| line.starts_with("seq_0012,0,0,")),
+        "{table}"
     );
 }
 
@@ -239,7 +267,7 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     let refused = tables.score(&[]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(
-        stderr(&refused).contains("sequence a, frame 2: keypoint 0 is (NaN, 0)"),
+        stderr(&refused).contains("sequence a, frame 2: keypoint 0 is (NaN, 0): missing or not finite"),
         "{}",
         stderr(&refused)
     );

@@ -77,6 +77,27 @@ fn what_is_missing_is_not_visible_and_counted() {
 }
 
 #[test]
+fn another_unit_is_asked_about() {
+    let table = |scale: f64, shift: f64| {
+        let row = |t: i32| {
+            let s = (f64::from(t) * 0.7).sin();
+            format!("0,{t},cube,{},{}\n", shift + scale * s, shift - scale * s)
+        };
+        let text = format!(
+            "sequence,frame,object,x,y\n{}",
+            (0..20).map(row).collect::<String>()
+        );
+        parse_ground_truth(text.as_bytes(), "gt.csv")
+            .expect("a table")
+            .notices
+            .join("; ")
+    };
+    assert_eq!(table(1.0, 0.0), "");
+    assert!(table(0.5, 0.5).contains("no coordinate is negative: is this another unit"));
+    assert!(table(128.0, 128.0).contains("beyond ±16: are these pixels?"));
+}
+
+#[test]
 fn bad_tables_are_told_with_line_and_column() {
     let header = "sequence,frame,object,x,y\n";
     for (text, expected) in [
@@ -167,6 +188,10 @@ fn keypoints_are_numbered_from_zero_without_gaps() {
     assert!(message.contains("expected its number, 0 to 4095"), "{message}");
     let message = keypoint_error("sequence,frame,object,x,y\n0,0,cube,0,0\n");
     assert!(message.contains("column `keypoint` missing"), "{message}");
+    assert!(
+        message.contains("a table of ground truth: are the two tables swapped?"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -205,6 +230,21 @@ fn frames_are_ordered_naturally_and_numbered_by_their_names() {
         .expect_err("no images")
         .to_string();
     assert!(none.contains("no images among 1 file; expected .png"), "{none}");
+    // A number that is the same for all does not tell frames apart; the one before it does.
+    let cameras = FrameIndex::new(&["s/f1_cam0.png", "s/f0_cam0.png"]).expect("frames");
+    assert_eq!(cameras.keys(), [key("s", 0), key("s", 1)]);
+    for (extra, expected) in [
+        (
+            "s/cover.png",
+            "s: `cover.png` has no number, other images of its folder have",
+        ),
+        ("s/f_2 (copy).png", "are both frame 2; expected one image a frame"),
+        ("s/f_2 (1).png", "are both frame 1"),
+        ("s/f_2.jpg", "are both frame 2"),
+    ] {
+        let error = FrameIndex::new(&["s/f_0.png", "s/f_1.png", "s/f_2.png", extra]).expect_err("ambiguous");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
     let selected = index.select(&[0, 3]).expect("two frames");
     assert_eq!(
         (selected.keys(), selected.order()),
@@ -231,6 +271,20 @@ fn frames_find_their_rows_by_name_number_or_being_the_only_ones() {
     assert_eq!(by_name.pairs, [(0, 2)]);
     let only = join(&[key("push", 1)], &[key("run", 0), key("run", 1)]).expect("a join");
     assert_eq!(only.pairs, [(0, 1)]);
+    // A stray image beside the folders changes nothing for the others.
+    let stray = join(&[key("images", 0), key("seq_0012", 0)], &rows).expect("a join");
+    assert_eq!((stray.pairs, stray.unmatched_left), (vec![(1, 2)], vec![0]));
+    let both = join(&[key("0", 0), key("seq_0012", 0)], &rows).expect("a join");
+    assert_eq!(both.pairs, [(0, 0), (1, 2)]);
+    // Two sequences with one number: neither is guessed.
+    let shared = join(&[key("run_12", 0), key("seq_0012", 0), key("seq_0000", 1)], &rows).expect("a join");
+    assert_eq!(shared.pairs, [(2, 1)]);
+    assert!(
+        shared
+            .rules
+            .iter()
+            .any(|r| r.contains("`run_12` and `seq_0012` both have the number 12"))
+    );
     let none = join(&[key("a", 0), key("b", 0)], &rows)
         .expect_err("nothing matches")
         .to_string();

@@ -485,8 +485,17 @@ export class Session extends EventTarget {
 
   #indexFrames() {
     this.frames?.free();
+    this.frames = null;
     const paths = [...this.images.keys()];
-    this.frames = paths.length > 0 ? new FrameIndex(paths) : null;
+    try {
+      if (paths.length > 0) this.frames = new FrameIndex(paths);
+    } catch (error) {
+      // E.g. a copy of an image beside its original: which rows the images belong to cannot be told.
+      this.#report("frames", "error", messageOf(error), {
+        label: "Remove the images",
+        run: () => void this.removeImages(),
+      });
+    }
     this.frameSources = Array.from(this.frames?.order ?? [], (position) => {
       const path = paths[position];
       return { path, blob: /** @type {Blob} */ (this.images.get(path)) };

@@ -1,5 +1,6 @@
 //! `tracklens extract` and `tracklens eval`.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -52,7 +53,7 @@ struct SourceArguments {
     frames: PathBuf,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    threads: Option<NonZeroUsize>,
     /// Leave frames out that cannot be read, and count them, instead of stopping at the first
     #[arg(long)]
     skip_unreadable: bool,
@@ -62,6 +63,7 @@ struct SourceArguments {
 }
 
 pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
+    files::check_writable(&arguments.out)?;
     let extracted = arguments.source.extract()?;
     atomic::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
     eprintln!(
@@ -76,6 +78,9 @@ pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
 pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     // Before the long work: a table that cannot be read should not cost minutes.
     let truth = files::read_ground_truth(&arguments.truth)?;
+    if let Some(path) = &arguments.keypoints_out {
+        files::check_writable(path)?;
+    }
     let extracted = arguments.source.extract()?;
     if let Some(path) = &arguments.keypoints_out {
         atomic::write(path, keypoints_csv(&extracted.track).as_bytes())?;
@@ -96,10 +101,13 @@ impl SourceArguments {
         let encoder = Encoder::new(&files::read_checkpoint(&self.checkpoint)?)
             .map_err(|e| e.at(self.checkpoint.display()))?;
         let folder = Folder::open(&self.frames)?;
-        if !folder.index.ignored().is_empty() {
+        let ignored = folder.ignored();
+        if let Some(first) = ignored.first() {
+            let more = if ignored.len() > 1 { ", …" } else { "" };
             eprintln!(
-                "note: {} files that are no images are left out",
-                folder.index.ignored().len()
+                "note: {} file(s) that are no images are left out: {}{more}",
+                ignored.len(),
+                first.display()
             );
         }
         let cancel = cancel_on_interrupt()?;
@@ -108,7 +116,7 @@ impl SourceArguments {
         } else {
             ProgressBar::new(0)
         };
-        let threads = self.threads.unwrap_or(0);
+        let threads = self.threads.map_or(0, NonZeroUsize::get);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::checkpoint::Checkpoint;
 use crate::data::{FrameIndex, Table, parse_ground_truth, parse_keypoints};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
@@ -21,10 +21,18 @@ impl Folder {
     pub fn open(folder: &Path) -> Result<Self> {
         let mut paths = Vec::new();
         walk(folder, DEPTH, &mut paths)?;
+        // With the folder's own name: images that lie in it directly are the sequence of that name.
+        let own = folder
+            .canonicalize()
+            .map_err(|e| Error::io(folder.display(), &e))?;
+        let own = own.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let relative = |path: &PathBuf| {
             let below = path.strip_prefix(folder).unwrap_or(path);
-            let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy()).collect();
-            parts.join("/")
+            let parts = below.iter().map(|part| part.to_string_lossy().into_owned());
+            std::iter::once(own.clone())
+                .chain(parts)
+                .collect::<Vec<_>>()
+                .join("/")
         };
         let names: Vec<String> = paths.iter().map(relative).collect();
         let index = FrameIndex::new(&names).map_err(|e| e.at(folder.display()))?;
@@ -34,6 +42,15 @@ impl Folder {
     /// The path of frame `i`, in order.
     pub fn path(&self, i: usize) -> &Path {
         &self.paths[self.index.order()[i]]
+    }
+
+    /// The files that are no images.
+    pub fn ignored(&self) -> Vec<&Path> {
+        self.index
+            .ignored()
+            .iter()
+            .map(|i| self.paths[*i].as_path())
+            .collect()
     }
 
     /// The number of frames.
@@ -87,4 +104,23 @@ fn told<T>(table: Table<T>, path: &Path) -> T {
         eprintln!("note: {}: {notice}", path.display());
     }
     table.content
+}
+
+/// Checks before long work that the folder of a result is there.
+pub(super) fn check_writable(path: &Path) -> Result<()> {
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    if path.is_dir() || !folder.is_dir() {
+        let wrong = if path.is_dir() {
+            "is a folder"
+        } else {
+            "lies in no folder that exists"
+        };
+        return Err(
+            Error::new(ErrorKind::Io, format!("{wrong}; expected a file to write")).at(path.display()),
+        );
+    }
+    Ok(())
 }

@@ -10,7 +10,7 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use super::files;
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{EvaluationReport, JoinReport, Unmatched};
+use crate::report::{EvaluationReport, JoinReport};
 use crate::scoring::Scoring;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -100,11 +100,16 @@ impl ScoringArguments {
             rank: self.rank,
         };
         let evaluation = scoring.evaluate(&self.thresholds, &settings)?;
-        let report = EvaluationReport::new(&evaluation, self.image_size.or(image_size));
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
-        print_join(&join);
+        let report = EvaluationReport::new(&evaluation, self.image_size.or(image_size), Some(&join));
+        for rule in &join.rules {
+            eprintln!("note: {rule}");
+        }
         if self.csv {
             print!("{}", report.to_csv());
+            for warning in &report.warnings {
+                eprintln!("warning: {warning}");
+            }
         } else if self.json || !std::io::stdout().is_terminal() {
             let json = serde_json::to_string_pretty(&report)
                 .map_err(|e| Error::input(format!("the evaluation cannot be written as JSON: {e}")))?;
@@ -114,34 +119,6 @@ impl ScoringArguments {
         }
         Ok(())
     }
-}
-
-fn print_join(join: &JoinReport) {
-    for rule in &join.rules {
-        eprintln!("note: {rule}");
-    }
-    let told = |what: &str, unmatched: &Unmatched| {
-        if unmatched.count > 0 {
-            let more = if unmatched.count > unmatched.first.len() {
-                "; …"
-            } else {
-                ""
-            };
-            eprintln!(
-                "note: {} {what}: {}{more}",
-                unmatched.count,
-                unmatched.first.join("; ")
-            );
-        }
-    };
-    told(
-        "frames have no row of ground truth and do not count",
-        &join.unmatched_frames,
-    );
-    told(
-        "frames of the ground truth have no keypoints and do not count",
-        &join.unmatched_rows,
-    );
 }
 
 fn print_table(report: &EvaluationReport) {

@@ -1,5 +1,6 @@
 //! `tracklens train`.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -8,7 +9,7 @@ use indicatif::ProgressBar;
 use super::extract::{cancel_on_interrupt, show};
 use super::files::{self, Folder};
 use crate::checkpoint::{Architecture, SaeConfig};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::event::Event;
 use crate::train::{Dataset, Split, TrainConfig, train};
 
@@ -64,7 +65,7 @@ pub(super) struct TrainArguments {
     sigma: f64,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    threads: Option<NonZeroUsize>,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
@@ -119,7 +120,7 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     config.validate()?;
     if let Some(threads) = arguments.threads {
         rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
+            .num_threads(threads.get())
             .build_global()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
     }
@@ -127,7 +128,13 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
         .truth
         .clone()
         .unwrap_or_else(|| arguments.data.join("ground_truth.csv"));
-    let truth = files::read_ground_truth(&truth)?;
+    let truth = files::read_ground_truth(&truth).map_err(|e| match e.kind() {
+        ErrorKind::Io => Error::new(
+            ErrorKind::Io,
+            format!("{e}; the metric of every epoch needs a ground truth, --truth GT.csv names another file"),
+        ),
+        _ => e,
+    })?;
     let folder = Folder::open(&arguments.data)?;
     let cancel = cancel_on_interrupt()?;
     let read = |i: usize| Ok((folder.path(i).display().to_string(), files::read(folder.path(i))?));
@@ -143,6 +150,9 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     };
     let mut report = |event: Event| show(&bar, &event);
     let summary = train(&config, &dataset, &arguments.out, &mut report, &cancel)?;
+    for warning in summary.evaluation.iter().flat_map(|e| &e.warnings) {
+        eprintln!("warning: on the validation sequences, {warning}");
+    }
     if let Some(last) = &summary.last {
         let errors: Vec<String> = last
             .errors

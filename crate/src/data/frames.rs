@@ -1,6 +1,6 @@
 //! Which paths are frames, of which sequence, in which order.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::table::natural;
 use crate::error::{Error, Result};
@@ -22,9 +22,9 @@ pub struct SequenceRange {
 /// The frames among a list of paths: images, one folder a sequence, in natural order (`frame_2` before
 /// `frame_10`).
 ///
-/// A sequence is named by its folder, or by its path from the top where folder names repeat. A frame is numbered
-/// by the last number in its file name where that is different for all frames of the sequence, otherwise by its
-/// position.
+/// A sequence is named by its folder (images without one: `images`), or by its path from the top where folder names
+/// repeat. A frame is numbered by the last number in its file name that is different for all frames of the sequence;
+/// where no file name has a number, by its position.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FrameIndex {
     keys: Vec<FrameKey>,
@@ -36,7 +36,8 @@ impl FrameIndex {
     /// Orders the frames among `paths` (separated by `/`).
     ///
     /// # Errors
-    /// When there is no image among them.
+    /// When there is no image among them, and when some file names of a sequence have numbers that do not tell its
+    /// frames apart, e.g. because of a copy.
     pub fn new<S: AsRef<str>>(paths: &[S]) -> Result<Self> {
         let mut folders: BTreeMap<&str, Vec<(usize, &str)>> = BTreeMap::new();
         let mut ignored = Vec::new();
@@ -66,16 +67,17 @@ impl FrameIndex {
         let mut order = Vec::new();
         for (folder, mut files) in folders {
             let sequence = match folder {
-                "" => "0".to_owned(),
+                "" => "images".to_owned(),
                 _ if short => last(folder),
                 _ => folder.to_owned(),
             };
             files.sort_by(|(_, a), (_, b)| natural(a, b));
-            let numbers: Vec<Option<u64>> = files.iter().map(|(_, file)| last_number(stem(file))).collect();
-            let distinct: HashSet<u64> = numbers.iter().flatten().copied().collect();
-            let numbered = distinct.len() == files.len();
-            for (position, ((i, _), number)) in files.into_iter().zip(numbers).enumerate() {
-                let frame = number.filter(|_| numbered).unwrap_or(position as u64);
+            let names: Vec<&str> = files.iter().map(|(_, file)| *file).collect();
+            let numbers = frame_numbers(&names).map_err(|e| match folder {
+                "" => e,
+                _ => e.at(folder),
+            })?;
+            for ((i, _), frame) in files.into_iter().zip(numbers) {
                 keys.push(FrameKey {
                     sequence: sequence.clone(),
                     frame,
@@ -142,13 +144,48 @@ pub fn ranges(keys: &[FrameKey]) -> Vec<SequenceRange> {
         .collect()
 }
 
+/// The frame numbers that the names of a sequence's files give.
+fn frame_numbers(files: &[&str]) -> Result<Vec<u64>> {
+    let runs: Vec<Vec<u64>> = files.iter().map(|file| numbers(stem(file))).collect();
+    let longest = runs.iter().map(Vec::len).max().unwrap_or(0);
+    if longest == 0 {
+        return Ok((0..files.len() as u64).collect());
+    }
+    for from_end in 1..=longest {
+        let at = |run: &Vec<u64>| run.len().checked_sub(from_end).map(|i| run[i]);
+        let found: Vec<u64> = runs.iter().filter_map(at).collect();
+        if found.len() == files.len() && found.iter().collect::<HashSet<_>>().len() == files.len() {
+            return Ok(found);
+        }
+    }
+    let mut seen: HashMap<u64, &str> = HashMap::new();
+    for (file, run) in files.iter().zip(&runs) {
+        let Some(last) = run.last() else {
+            return Err(Error::input(format!(
+                "`{file}` has no number, other images of its folder have; remove it, or number all"
+            )));
+        };
+        if let Some(other) = seen.insert(*last, file) {
+            return Err(Error::input(format!(
+                "`{other}` and `{file}` are both frame {last}; expected one image a frame: remove one of them"
+            )));
+        }
+    }
+    Err(Error::input(
+        "the numbers in the file names do not tell the frames apart; rename them to 0, 1, 2, …",
+    ))
+}
+
+/// Every run of digits in `text` that is a number.
+fn numbers(text: &str) -> Vec<u64> {
+    text.split(|c: char| !c.is_ascii_digit())
+        .filter_map(|digits| digits.parse().ok())
+        .collect()
+}
+
 /// The last run of digits in `text`, if it is a number.
 pub(super) fn last_number(text: &str) -> Option<u64> {
-    let end = text.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = text[..end]
-        .rfind(|c: char| !c.is_ascii_digit())
-        .map_or(0, |i| i + text[i..].chars().next().map_or(1, char::len_utf8));
-    text[start..end].parse().ok()
+    numbers(text).last().copied()
 }
 
 pub(super) fn is_image(path: &str) -> bool {

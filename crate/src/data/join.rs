@@ -21,7 +21,7 @@ pub struct Join {
 
 /// Joins by (sequence, frame number).
 ///
-/// Sequences match by name; where no name matches, by the last number in the name (`seq_0012` = `12`); a single
+/// Sequences match by name, the others by the last number in the name (`seq_0012` = `12`) where no other has it; a single
 /// sequence on either side matches the other whatever the names. Nothing is ever matched by position, which
 /// would silently pair the wrong ones when a folder is missing.
 ///
@@ -59,13 +59,17 @@ pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
         };
         return Err(Error::mismatch(format!(
             "no frame has a row of ground truth: the frames are {} in {} sequences (first: {}), the rows {} in {} \
-             (first: {}); expected the same sequence names or numbers, and frame numbers",
+             (first: {}); expected the same sequence names or numbers, and frame numbers{}",
             left.len(),
             names_left.len(),
             example(left),
             right.len(),
             names_right.len(),
             example(right),
+            out.rules
+                .iter()
+                .map(|rule| format!(". {rule}"))
+                .collect::<String>(),
         )));
     }
     let start = |keys: &[FrameKey], side: &[usize]| side.iter().map(|i| keys[*i].frame).min();
@@ -96,33 +100,62 @@ fn match_sequences<'a>(
     rules: &mut Vec<String>,
 ) -> HashMap<&'a str, &'a str> {
     let by_name: HashSet<&str> = right.iter().copied().collect();
-    let same: HashMap<&str, &str> = left
+    let mut pairs: HashMap<&str, &str> = left
         .iter()
         .filter(|s| by_name.contains(*s))
         .map(|s| (*s, *s))
         .collect();
-    if !same.is_empty() {
+    if !pairs.is_empty() {
         rules.push("sequences matched by name".to_owned());
-        return same;
     }
-    let numbered = |names: &[&'a str]| -> Option<HashMap<u64, &'a str>> {
-        let map: HashMap<u64, &str> = names.iter().filter_map(|s| Some((last_number(s)?, *s))).collect();
-        (map.len() == names.len()).then_some(map)
+    let rest = |names: &[&'a str]| -> Vec<&'a str> {
+        names.iter().copied().filter(|s| !pairs.contains_key(s)).collect()
     };
-    if let (Some(a), Some(b)) = (numbered(left), numbered(right)) {
-        let pairs: HashMap<&str, &str> = a.iter().filter_map(|(n, s)| Some((*s, *b.get(n)?))).collect();
-        if let Some((a, b)) = left.iter().find_map(|s| Some((s, pairs.get(s)?))) {
-            rules.push(format!(
-                "sequences matched by the number in their name (`{a}` = `{b}`)"
-            ));
-            return pairs;
-        }
+    let (a, b) = (by_number(&rest(left), rules), by_number(&rest(right), rules));
+    let mut found: Vec<(u64, &str, &str)> =
+        a.iter().filter_map(|(n, s)| Some((*n, *s, *b.get(n)?))).collect();
+    found.sort_unstable();
+    if let Some((_, a, b)) = found.first() {
+        rules.push(format!(
+            "sequences matched by the number in their name (`{a}` = `{b}`)"
+        ));
     }
-    if let ([a], [b]) = (left, right) {
+    pairs.extend(found.iter().map(|(_, a, b)| (*a, *b)));
+    if pairs.is_empty()
+        && let ([a], [b]) = (left, right)
+    {
         rules.push(format!(
             "the only sequence on either side was matched (`{a}` = `{b}`)"
         ));
-        return HashMap::from([(*a, *b)]);
+        pairs.insert(a, b);
     }
-    HashMap::new()
+    pairs
+}
+
+/// The names with a number that no other has.
+fn by_number<'a>(names: &[&'a str], rules: &mut Vec<String>) -> HashMap<u64, &'a str> {
+    let mut found: HashMap<u64, Vec<&str>> = HashMap::new();
+    for name in names {
+        if let Some(number) = last_number(name) {
+            found.entry(number).or_default().push(name);
+        }
+    }
+    let mut single = HashMap::new();
+    let mut shared = Vec::new();
+    for (number, names) in found {
+        match names[..] {
+            [name] => {
+                single.insert(number, name);
+            }
+            _ => shared.push((number, names)),
+        }
+    }
+    shared.sort_unstable();
+    if let Some((number, names)) = shared.first() {
+        rules.push(format!(
+            "`{}` and `{}` both have the number {number}: sequences that share a number are not matched by it",
+            names[0], names[1]
+        ));
+    }
+    single
 }

@@ -58,12 +58,7 @@ pub fn parse_ground_truth(bytes: &[u8], name: &str) -> Result<Table<GroundTruth>
             keys.len() * objects.len()
         ));
     }
-    let far = points.iter().filter(|v| v.abs() > 16.0).count();
-    if far > 0 {
-        notices.push(format!(
-            "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image"
-        ));
-    }
+    notices.extend(unit_notice(&points));
     let content = GroundTruth::new(keys, objects, points).map_err(|e| e.at(name))?;
     Ok(Table { content, notices })
 }
@@ -102,8 +97,25 @@ pub fn parse_keypoints(bytes: &[u8], name: &str) -> Result<Table<KeypointTrack>>
             keys.len() * count
         ));
     }
+    notices.extend(unit_notice(&points));
     let content = KeypointTrack::new(keys, points).map_err(|e| e.at(name))?;
     Ok(Table { content, notices })
+}
+
+/// What looks like another unit than ndc.
+fn unit_notice(points: &Array3<f64>) -> Option<String> {
+    let seen = || points.iter().filter(|v| v.is_finite());
+    let far = seen().filter(|v| v.abs() > 16.0).count();
+    if far > 0 {
+        return Some(format!(
+            "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image"
+        ));
+    }
+    let none_negative = seen().count() >= 20 && seen().all(|v| *v >= 0.0);
+    none_negative.then(|| {
+        "no coordinate is negative: is this another unit, e.g. 0 to 1 across the image? Expected ndc, -1 to +1"
+            .to_owned()
+    })
 }
 
 /// A keypoint table as CSV, with every digit needed to read the same numbers again.
@@ -187,8 +199,16 @@ fn read(
     let missing: Vec<&str> = columns.into_iter().filter(|c| find(c).is_none()).collect();
     if !missing.is_empty() {
         let found: Vec<&str> = header.iter().collect();
+        let (other, what) = match point_column {
+            "object" => ("keypoint", "keypoints"),
+            _ => ("object", "ground truth"),
+        };
+        let swapped = match find(other) {
+            Some(_) => format!("; this is a table of {what}: are the two tables swapped?"),
+            None => String::new(),
+        };
         return Err(Error::input(format!(
-            "line 1: column{} {} missing; expected `{expected}`, found `{}`",
+            "line 1: column{} {} missing; expected `{expected}`, found `{}`{swapped}",
             if missing.len() == 1 { "" } else { "s" },
             quote_list(&missing),
             found.join(",")

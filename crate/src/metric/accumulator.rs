@@ -177,8 +177,8 @@ impl Accumulator {
             .position(|p| p.iter().any(|v| !v.is_finite()))
             .unwrap_or_default();
         Err(Error::input(format!(
-            "keypoint {n} is ({}, {}); expected finite numbers (frames with such points can be left out \
-             and counted)",
+            "keypoint {n} is ({}, {}): missing or not finite; expected numbers (`exclude-frame` leaves such \
+             frames out and counts them)",
             keypoints[[n, 0]],
             keypoints[[n, 1]]
         )))

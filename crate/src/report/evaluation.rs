@@ -6,6 +6,9 @@ use crate::data::Join;
 use crate::metric::{Evaluation, Transform};
 use crate::track::FrameKey;
 
+const CSV_HEADER: &str = "object,tracked,error,threshold,best_keypoint,error_sum,rmse,rmse_px,frames,outside,\
+                          transform,rank,protocol\n";
+
 /// How many names of unmatched frames a report shows.
 const SHOWN: usize = 5;
 
@@ -97,8 +100,9 @@ pub struct Unmatched {
 }
 
 impl EvaluationReport {
-    /// The report of `evaluation`; with the `[width, height]` of the images also in pixels.
-    pub fn new(evaluation: &Evaluation, image_size: Option<[u32; 2]>) -> Self {
+    /// The report of `evaluation`; with the `[width, height]` of the images also in pixels, with the join also what
+    /// found no partner.
+    pub fn new(evaluation: &Evaluation, image_size: Option<[u32; 2]>, join: Option<&JoinReport>) -> Self {
         let objects: Vec<ObjectReport> = evaluation
             .objects
             .iter()
@@ -137,7 +141,11 @@ impl EvaluationReport {
                 .outer_iter()
                 .map(|row| row.iter().map(finite).collect())
                 .collect(),
-            warnings: warnings(evaluation),
+            warnings: join
+                .into_iter()
+                .flat_map(JoinReport::warnings)
+                .chain(warnings(evaluation))
+                .collect(),
             objects,
         }
     }
@@ -146,22 +154,25 @@ impl EvaluationReport {
     pub fn to_csv(&self) -> String {
         use std::fmt::Write as _;
         let text = |value: Option<f64>| value.map(|v| v.to_string()).unwrap_or_default();
-        let mut out =
-            String::from("object,tracked,error,threshold,best_keypoint,error_sum,rmse,frames,outside\n");
+        let mut out = String::from(CSV_HEADER);
         for o in &self.objects {
             let name = crate::data::quote_csv(&o.name);
             let best = o.best_keypoint.map(|n| n.to_string()).unwrap_or_default();
             // Writing to a String cannot fail.
             let _ = writeln!(
                 out,
-                "{name},{},{},{},{best},{},{},{},{}",
+                "{name},{},{},{},{best},{},{},{},{},{},{},{},{}",
                 o.tracked,
                 text(o.error),
                 o.threshold,
                 text(o.error_sum),
                 text(o.rmse),
+                text(o.rmse_px),
                 o.frames,
-                o.outside
+                o.outside,
+                self.transform,
+                self.rank,
+                self.protocol
             );
         }
         out
@@ -208,6 +219,27 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
 }
 
 impl JoinReport {
+    fn warnings(&self) -> Vec<String> {
+        let told = |what: &str, unmatched: &Unmatched| {
+            let more = if unmatched.count > unmatched.first.len() {
+                "; …"
+            } else {
+                ""
+            };
+            (unmatched.count > 0)
+                .then(|| format!("{} {what}: {}{more}", unmatched.count, unmatched.first.join("; ")))
+        };
+        let frames = told(
+            "frame(s) without a row of ground truth do not count",
+            &self.unmatched_frames,
+        );
+        let rows = told(
+            "frame(s) of the ground truth without keypoints do not count",
+            &self.unmatched_rows,
+        );
+        frames.into_iter().chain(rows).collect()
+    }
+
     /// The report of a join of `frames` to `rows`.
     pub fn new(join: &Join, frames: &[FrameKey], rows: &[FrameKey]) -> Self {
         let unmatched = |keys: &[FrameKey], at: &[usize]| Unmatched {

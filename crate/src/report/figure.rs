@@ -146,7 +146,7 @@ fn draw<B: DrawingBackend>(
     }
     for series in &figure.series {
         let style = ShapeStyle::from(&series.color.rgb())
-            .stroke_width(2 * line_width)
+            .stroke_width((em as u32).div_ceil(6))
             .filled();
         for run in runs(&series.values) {
             let points = run.clone().map(|i| (figure.start + i as f64, series.values[i]));

@@ -309,24 +309,26 @@ fn validate(
         .map(Object::with_default_threshold)
         .collect();
     let evaluation = accumulator.finish().evaluate(&objects, &Settings::default())?;
-    Ok((sum, EvaluationReport::new(&evaluation, None)))
+    Ok((sum, EvaluationReport::new(&evaluation, None, None)))
 }
 
 fn diagnose(error: &Error, epoch: u32, config: &TrainConfig) -> Error {
     if error.kind() != ErrorKind::Numeric {
         return error.clone();
     }
+    let kept = match epoch {
+        1 => "No epoch was finished",
+        _ => "The checkpoints of the last whole epoch are kept",
+    };
     Error::numeric(format!(
-        "{error} in epoch {epoch}: the training diverged at learning rate {}; try a smaller one (e.g. {}) or a larger \
-         batch than {}. The checkpoints of the last whole epoch are kept",
-        config.learning_rate,
-        config.learning_rate / 10.0,
-        config.batch
+        "{error} in epoch {epoch}: the training diverged at learning rate {:e}; try a smaller one (the paper's is 1e-3) \
+         or a larger batch than {}. {kept}",
+        config.learning_rate, config.batch
     ))
 }
 
 fn create_folder(out: &Path) -> Result<()> {
-    if out.join("config.json").exists() {
+    if out.join("checkpoint_final.safetensors").exists() {
         return Err(Error::input(format!(
             "{} holds a run already; give another folder, or delete it",
             out.display()

@@ -30,7 +30,7 @@ pub fn version() -> String {
 /// Guesses what a file is from its path and first bytes.
 ///
 /// # Errors
-/// Never for valid UTF-16 paths; the signature is what translating to JavaScript needs.
+/// When the translation to JavaScript fails.
 #[wasm_bindgen]
 pub fn classify(path: &str, head: &[u8]) -> JsResult<JsValue> {
     #[derive(Serialize)]

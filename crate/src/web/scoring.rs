@@ -141,7 +141,11 @@ impl Scoring {
             .scoring
             .evaluate(&thresholds, &settings)
             .map_err(|e| js_error(&e))?;
-        to_js(&EvaluationReport::new(&evaluation, options.image_size))
+        to_js(&EvaluationReport::new(
+            &evaluation,
+            options.image_size,
+            Some(&self.join),
+        ))
     }
 
     /// An object, a keypoint, and the keypoint under its map, over the joined frames.

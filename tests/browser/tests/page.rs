@@ -430,6 +430,20 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     fs::remove_dir_all(&sequence).expect("removed");
     page_two.pick_folder(&recording).await;
     page_two.until_text("not an image, a table or a checkpoint").await;
+    // A copy beside its original: nobody knows which rows the frames after it belong to.
+    let doubled = folder.path().join("doubled").join("seq_0002");
+    fs::create_dir_all(&doubled).expect("a folder");
+    for name in ["frame_001.png", "frame_001 (copy).png"] {
+        fs::write(doubled.join(name), &bytes).expect("written");
+    }
+    page_two.pick_folder(&folder.path().join("doubled")).await;
+    page_two
+        .until_text("are both frame 1; expected one image a frame")
+        .await;
+    page_two.click("#problems button.link").await;
+    page_two
+        .until("!document.querySelector('#problems').textContent.includes('both frame')")
+        .await;
     page_two.click("#try-example").await;
     page_two.until_scored().await;
     page_two.close().await;
