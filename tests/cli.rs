@@ -191,15 +191,7 @@ fn one_sequence_is_named_by_its_folder() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("kp.csv").to_string_lossy().into_owned();
     let one = data("data/panda_push/seq_0012").to_string_lossy().into_owned();
-    let extracted = tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint(),
-        "--frames",
-        &one,
-        "--out",
-        &out,
-    ]);
+    let extracted = extract(&one, &out);
     assert!(extracted.status.success(), "{}", stderr(&extracted));
     let table = std::fs::read_to_string(&out).expect("a table");
     assert!(
@@ -288,22 +280,45 @@ fn frames() -> String {
     data("data/panda_push").to_string_lossy().into_owned()
 }
 
-#[test]
-fn eval_equals_extract_and_then_score() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let keypoints = folder.path().join("kp.csv").to_string_lossy().into_owned();
-    let truth = data("data/panda_push/ground_truth.csv")
+fn truth() -> String {
+    data("data/panda_push/ground_truth.csv")
         .to_string_lossy()
-        .into_owned();
-    let extracted = tracklens(&[
+        .into_owned()
+}
+
+/// `tracklens extract` with the tiny checkpoint.
+fn extract(frames: &str, out: &str) -> Output {
+    tracklens(&[
         "extract",
         "--checkpoint",
         &checkpoint(),
         "--frames",
-        &frames(),
+        frames,
         "--out",
-        &keypoints,
-    ]);
+        out,
+    ])
+}
+
+/// `tracklens eval` on the real frames.
+fn eval(checkpoint: &str, more: &[&str]) -> Output {
+    let fixed = [
+        "eval",
+        "--checkpoint",
+        checkpoint,
+        "--frames",
+        &frames(),
+        "--truth",
+        &truth(),
+    ];
+    tracklens(&[&fixed, more].concat())
+}
+
+#[test]
+fn eval_equals_extract_and_then_score() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let keypoints = folder.path().join("kp.csv").to_string_lossy().into_owned();
+    let truth = truth();
+    let extracted = extract(&frames(), &keypoints);
     assert!(extracted.status.success(), "{}", stderr(&extracted));
     assert!(
         stderr(&extracted).contains("4 keypoints of 15 frames written to"),
@@ -320,17 +335,7 @@ fn eval_equals_extract_and_then_score() {
         "256x256",
     ]));
     for threads in ["1", "2"] {
-        let evaluated = tracklens(&[
-            "eval",
-            "--checkpoint",
-            &checkpoint(),
-            "--frames",
-            &frames(),
-            "--truth",
-            &truth,
-            "--threads",
-            threads,
-        ]);
+        let evaluated = eval(&checkpoint(), &["--threads", threads]);
         assert_eq!(json(&evaluated), scored, "{threads} threads");
         assert!(
             stderr(&evaluated).contains("matched by the number in their name"),
@@ -432,15 +437,7 @@ fn bad_sources_are_told() {
 
 #[test]
 fn an_output_that_cannot_be_written_is_told() {
-    let output = tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint(),
-        "--frames",
-        &frames(),
-        "--out",
-        "/nowhere/at/all/kp.csv",
-    ]);
+    let output = extract(&frames(), "/nowhere/at/all/kp.csv");
     assert_eq!(output.status.code(), Some(1));
     assert!(
         stderr(&output).contains("/nowhere/at/all/kp.csv: "),
@@ -502,18 +499,7 @@ mod train {
             .join("checkpoint_best.safetensors")
             .to_string_lossy()
             .into_owned();
-        let truth = data("data/panda_push/ground_truth.csv")
-            .to_string_lossy()
-            .into_owned();
-        let evaluated = tracklens(&[
-            "eval",
-            "--checkpoint",
-            &checkpoint,
-            "--frames",
-            &frames(),
-            "--truth",
-            &truth,
-        ]);
+        let evaluated = eval(&checkpoint, &[]);
         assert_eq!(json(&evaluated)["frames"], 15);
 
         let again = tracklens(&arguments(&out, &["--epochs", "2"]));

@@ -63,7 +63,7 @@ struct SourceArguments {
 }
 
 pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
-    files::check_writable(&arguments.out)?;
+    atomic::check(&arguments.out)?;
     let extracted = arguments.source.extract()?;
     atomic::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
     eprintln!(
@@ -79,7 +79,7 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     // Before the long work: a table that cannot be read should not cost minutes.
     let truth = files::read_ground_truth(&arguments.truth)?;
     if let Some(path) = &arguments.keypoints_out {
-        files::check_writable(path)?;
+        atomic::check(path)?;
     }
     let extracted = arguments.source.extract()?;
     if let Some(path) = &arguments.keypoints_out {
@@ -111,11 +111,7 @@ impl SourceArguments {
             );
         }
         let cancel = cancel_on_interrupt()?;
-        let bar = if self.quiet {
-            ProgressBar::hidden()
-        } else {
-            ProgressBar::new(0)
-        };
+        let bar = progress_bar(self.quiet);
         let threads = self.threads.map_or(0, NonZeroUsize::get);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -207,6 +203,15 @@ pub(super) fn cancel_on_interrupt() -> Result<Cancel> {
     ctrlc::set_handler(move || switch.cancel())
         .map_err(|e| Error::new(ErrorKind::Io, format!("Ctrl-C cannot be handled: {e}")))?;
     Ok(cancel)
+}
+
+/// The bar that [`show`] draws on.
+pub(super) fn progress_bar(quiet: bool) -> ProgressBar {
+    if quiet {
+        ProgressBar::hidden()
+    } else {
+        ProgressBar::new(0)
+    }
 }
 
 /// Translates events for the terminal.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::checkpoint::Checkpoint;
 use crate::data::{FrameIndex, Table, parse_ground_truth, parse_keypoints};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
@@ -104,23 +104,4 @@ fn told<T>(table: Table<T>, path: &Path) -> T {
         eprintln!("note: {}: {notice}", path.display());
     }
     table.content
-}
-
-/// Checks before long work that the folder of a result is there.
-pub(super) fn check_writable(path: &Path) -> Result<()> {
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    if path.is_dir() || !folder.is_dir() {
-        let wrong = if path.is_dir() {
-            "is a folder"
-        } else {
-            "lies in no folder that exists"
-        };
-        return Err(
-            Error::new(ErrorKind::Io, format!("{wrong}; expected a file to write")).at(path.display()),
-        );
-    }
-    Ok(())
 }

@@ -4,9 +4,8 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
-use indicatif::ProgressBar;
 
-use super::extract::{cancel_on_interrupt, show};
+use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::{self, Folder};
 use crate::checkpoint::{Architecture, SaeConfig};
 use crate::error::{Error, ErrorKind, Result};
@@ -143,11 +142,7 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     for notice in &dataset.notices {
         eprintln!("note: {notice}");
     }
-    let bar = if arguments.quiet {
-        ProgressBar::hidden()
-    } else {
-        ProgressBar::new(0)
-    };
+    let bar = progress_bar(arguments.quiet);
     let mut report = |event: Event| show(&bar, &event);
     let summary = train(&config, &dataset, &arguments.out, &mut report, &cancel)?;
     for warning in summary.evaluation.iter().flat_map(|e| &e.warnings) {

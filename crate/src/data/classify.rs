@@ -1,6 +1,6 @@
 //! What a file is, from its path and first bytes.
 
-use super::frames::is_image;
+use super::frames::{is_hidden, is_image};
 
 /// What a file is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,10 +36,10 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
     if is_image(path) {
         return (Role::Image, "an image by its name".to_owned());
     }
-    let file = path.rsplit('/').next().unwrap_or_default();
-    if file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX") {
+    if is_hidden(path) {
         return (Role::Unknown, "a hidden file".to_owned());
     }
+    let file = path.rsplit('/').next().unwrap_or_default();
     let ending = file
         .rsplit_once('.')
         .map(|(_, e)| e.to_ascii_lowercase())

@@ -188,11 +188,16 @@ pub(super) fn last_number(text: &str) -> Option<u64> {
     numbers(text).last().copied()
 }
 
+/// Whether a path is one that people did not put there themselves, e.g. `.DS_Store`.
+pub(super) fn is_hidden(path: &str) -> bool {
+    let file = path.rsplit('/').next().unwrap_or_default();
+    file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX")
+}
+
 pub(super) fn is_image(path: &str) -> bool {
     let file = path.rsplit('/').next().unwrap_or_default();
-    let hidden = file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX");
     let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
-    !hidden && ending.is_some_and(|e| IMAGE_ENDINGS.contains(&e.as_str()))
+    !is_hidden(path) && ending.is_some_and(|e| IMAGE_ENDINGS.contains(&e.as_str()))
 }
 
 fn stem(file: &str) -> &str {

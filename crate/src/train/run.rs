@@ -103,8 +103,6 @@ pub fn train(
         )));
     }
     create_folder(out)?;
-    let names = |sequences: &[&'_ Sequence]| sequences.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
-    let (training_names, validation_names) = (names(&training), names(&validation));
     write_json(
         &out.join("config.json"),
         &RunConfig {
@@ -112,8 +110,8 @@ pub fn train(
             train: config,
             input_size: dataset.input_size,
             objects: &dataset.objects,
-            training_sequences: training_names.iter().map(String::as_str).collect(),
-            validation_sequences: validation_names.iter().map(String::as_str).collect(),
+            training_sequences: training.iter().map(|s| s.name.as_str()).collect(),
+            validation_sequences: validation.iter().map(|s| s.name.as_str()).collect(),
         },
     )?;
     let log_path = out.join("log.jsonl");
@@ -241,19 +239,16 @@ fn split<'a>(
             "{total} sequence to train and validate on; expected at least 2, since frames of one sequence are too alike"
         )));
     }
-    let mut order: Vec<&Sequence> = dataset.sequences.iter().collect();
+    let mut order: Vec<usize> = (0..total).collect();
     order.shuffle(rng);
     let count = |share: f64| (share * total as f64).round() as usize;
     let training = count(config.split.training).clamp(1, total - 1);
     let validation = count(config.split.validation).clamp(1, total - training);
-    let mut parts = (
-        order[..training].to_vec(),
-        order[training..training + validation].to_vec(),
-    );
-    parts
-        .1
-        .sort_by_key(|s| dataset.sequences.iter().position(|other| std::ptr::eq(*s, other)));
-    Ok(parts)
+    let (training, rest) = order.split_at_mut(training);
+    let validation = &mut rest[..validation];
+    validation.sort_unstable();
+    let take = |part: &[usize]| part.iter().map(|i| &dataset.sequences[*i]).collect();
+    Ok((take(training), take(validation)))
 }
 
 /// Inputs and targets of snippets, with noise on the inputs where it is given.

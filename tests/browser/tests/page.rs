@@ -59,12 +59,12 @@ async fn shows(page: &Page, expected: &Value, tolerance: f64) {
     }
 }
 
-fn evaluation_of_the_example() -> Value {
+/// What the command makes of the example's frames with an encoder.
+fn evaluation(checkpoint: &Path) -> Value {
     let [checkpoint, frames, truth] =
-        ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
-    tracklens(&[
+        [checkpoint, &example("frames"), &example("ground_truth.csv")].map(text);
+    json(&[
         "eval",
-        "--json",
         "--checkpoint",
         &checkpoint,
         "--frames",
@@ -72,6 +72,15 @@ fn evaluation_of_the_example() -> Value {
         "--truth",
         &truth,
     ])
+}
+
+fn evaluation_of_the_example() -> Value {
+    evaluation(&example("checkpoint.safetensors"))
+}
+
+/// What the command prints as JSON.
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_slice(&tracklens(&[arguments, &["--json"]].concat())).expect("JSON")
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -105,16 +114,16 @@ async fn a_dropped_folder_scores_as_in_the_terminal() {
     // The keypoints themselves: extracted in the worker, saved by the page, against the command's.
     let folder = tempfile::tempdir().expect("a folder");
     let saved = text(&folder.path().join("kp.csv"));
-    let extracted = std::process::Command::new(std::env::var_os("TRACKLENS_BIN").expect("the binary"))
-        .args([
-            "extract",
-            "--checkpoint",
-            &text(&example("checkpoint.safetensors")),
-        ])
-        .args(["--frames", &text(&example("frames")), "--out", &saved])
-        .output()
-        .expect("the binary runs");
-    assert!(extracted.status.success());
+    let [checkpoint, frames] = ["checkpoint.safetensors", "frames"].map(|name| text(&example(name)));
+    tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--out",
+        &saved,
+    ]);
     page.value(
         "(() => { const make = URL.createObjectURL; URL.createObjectURL = (blob) => { blob.text().then((t) => { \
          globalThis.__saved = t; }); return make(blob); }; })()",
@@ -241,18 +250,7 @@ async fn an_extraction_can_be_cancelled_and_goes_on() {
 
     page.click("#extract").await;
     page.until_scored().await;
-    let [checkpoint, frames, truth] =
-        [&slow, &example("frames"), &example("ground_truth.csv")].map(|p| text(p));
-    let expected = tracklens(&[
-        "eval",
-        "--json",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-    ]);
+    let expected = evaluation(&slow);
     // Activations of random weights at full size: 1e-5 where the trained ones agree to 1e-6.
     shows(&page, &expected, 1e-5).await;
     page.close().await;
@@ -287,9 +285,8 @@ async fn keypoints_take_the_place_of_frames_and_checkpoint() {
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
     page.pick(&[&keypoints, &truth]).await;
     page.until_scored().await;
-    let expected = tracklens(&[
+    let expected = json(&[
         "score",
-        "--json",
         "--truth",
         &text(&truth),
         "--keypoints",
@@ -340,7 +337,7 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced() {
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| text(&at(name)));
     shows(
         &page,
-        &tracklens(&["score", "--json", "--truth", &truth, "--keypoints", &keypoints]),
+        &json(&["score", "--truth", &truth, "--keypoints", &keypoints]),
         1e-12,
     )
     .await;
