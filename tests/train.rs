@@ -14,10 +14,10 @@ fn recording() -> PathBuf {
 }
 
 fn config(epochs: u32) -> TrainConfig {
-    let mut sae = SaeConfig::basic("basic-vel-std-bg".parse().expect("an architecture"));
+    let mut sae = SaeConfig::new("basic-vel-std-bg".parse().expect("an architecture"));
     sae.keypoints = 4;
-    sae.encoder_channels = [4, 6, 8];
-    sae.decoder_channels = [8, 6, 4];
+    sae.encoder_channels = vec![4, 6, 8];
+    sae.decoder_channels = vec![8, 6, 4];
     sae.input_size = Some([32, 32]);
     sae.target_size = [16, 16];
     let split = Split {

@@ -5,8 +5,8 @@ use super::grid;
 
 /// The centre of attention of every map: softmax over the cells, then the mean of their coordinates.
 ///
-/// Coordinates run from -1 to 1 between the centres of the border cells. The softmax has temperature 1 and
-/// subtracts the largest activation first, so that no activation overflows.
+/// Coordinates run from -1 to 1 between the centres of the border cells. The softmax subtracts the largest activation
+/// first, so that no activation overflows; activations are to be divided by the temperature before.
 ///
 /// # Shapes
 /// - `maps`: `[B, N, H, W]`

@@ -7,8 +7,8 @@ use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
 use burn::prelude::{Device, Tensor, TensorData};
 
-use super::{BatchNorm, host_values};
-use crate::checkpoint::{self, Checkpoint};
+use super::{BatchNorm, Sae, host_values};
+use crate::checkpoint::{self, Checkpoint, ConvLayer, SaeConfig, TEMPERATURE};
 use crate::error::{Error, Result};
 
 /// Takes modules out of a checkpoint by name.
@@ -38,31 +38,30 @@ impl<'a> Loader<'a> {
         Ok(Param::from_data(data, self.device))
     }
 
+    /// All values of a tensor of any shape, as a vector.
+    pub(super) fn vector(&self, name: &str) -> Result<Param<Tensor<1>>> {
+        let values = self.checkpoint.tensor(name)?.data.clone();
+        let count = values.len();
+        Ok(Param::from_data(TensorData::new(values, [count]), self.device))
+    }
+
     fn buffer(&self, name: &str) -> Result<RunningState<Tensor<1>>> {
         let (_, data) = self.data::<1>(name)?;
         Ok(RunningState::new(Tensor::from_data(data, self.device)))
     }
 
-    /// A convolution that keeps the size of its input, with the kernel the weight has; with a bias when there is
-    /// one.
-    pub(super) fn conv(&self, name: &str) -> Result<Conv2d> {
-        let weight = format!("{name}.weight");
-        let bias = format!("{name}.bias");
-        let ([_, _, height, width], data) = self.data::<4>(&weight)?;
-        let (pad_y, pad_x) = (height / 2, width / 2);
+    /// The convolution of a layer, with its bias where it has no batch norm.
+    pub(super) fn conv(&self, layer: &ConvLayer) -> Result<Conv2d> {
+        let bias = layer.norm.is_none().then(|| format!("{}.bias", layer.name));
+        let padding = layer.padding;
         Ok(Conv2d {
-            weight: Param::from_data(data, self.device),
-            bias: self
-                .checkpoint
-                .tensors
-                .contains_key(&bias)
-                .then(|| self.parameter(&bias))
-                .transpose()?,
-            stride: [1, 1],
-            kernel_size: [height, width],
+            weight: self.parameter(&format!("{}.weight", layer.name))?,
+            bias: bias.map(|name| self.parameter(&name)).transpose()?,
+            stride: [layer.stride; 2],
+            kernel_size: [layer.kernel; 2],
             dilation: [1, 1],
             groups: 1,
-            padding: PaddingConfig2d::Explicit(pad_y, pad_x, pad_y, pad_x),
+            padding: PaddingConfig2d::Explicit(padding, padding, padding, padding),
         })
     }
 
@@ -76,19 +75,56 @@ impl<'a> Loader<'a> {
     }
 }
 
-/// Every weight and buffer of a module by its path in the module tree.
-pub(super) fn collect(module: &impl Module) -> Result<BTreeMap<String, checkpoint::Tensor>> {
-    let mut collector = Collector::default();
+/// Every weight and buffer of an SAE by its name in the state dict.
+pub(super) fn collect(sae: &Sae, config: &SaeConfig) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+    let mut collector = Collector {
+        names: names(config),
+        ..Collector::default()
+    };
     // Running statistics of the last batch are merged on this call; a visit alone would miss them.
-    module.valid().visit(&mut collector);
-    match collector.failure {
-        Some(error) => Err(error),
-        None => Ok(collector.tensors),
+    sae.valid().visit(&mut collector);
+    if let Some(error) = collector.failure {
+        return Err(error);
     }
+    // The module may hold a tensor of the same values in another shape.
+    for (name, shape) in config.tensor_shapes() {
+        if let Some(tensor) = collector.tensors.get_mut(&name) {
+            tensor.shape = shape;
+        }
+    }
+    Ok(collector.tensors)
+}
+
+/// The modules of the state dict by their path in the module tree, where the two differ.
+fn names(config: &SaeConfig) -> BTreeMap<String, String> {
+    let mut names = BTreeMap::from([("encoder.temperature".to_owned(), TEMPERATURE.to_owned())]);
+    for (part, layers) in [
+        ("encoder", config.encoder_layers()),
+        ("decoder", config.decoder_layers()),
+    ] {
+        for (i, layer) in layers.into_iter().enumerate() {
+            for module in ["weight", "bias"] {
+                names.insert(
+                    format!("{part}.layers.{i}.conv.{module}"),
+                    format!("{}.{module}", layer.name),
+                );
+            }
+            for module in ["weight", "bias", "running_mean", "running_var"] {
+                if let Some(norm) = &layer.norm {
+                    names.insert(
+                        format!("{part}.layers.{i}.norm.{module}"),
+                        format!("{norm}.{module}"),
+                    );
+                }
+            }
+        }
+    }
+    names
 }
 
 #[derive(Default)]
 struct Collector {
+    names: BTreeMap<String, String>,
     path: Vec<String>,
     tensors: BTreeMap<String, checkpoint::Tensor>,
     failure: Option<Error>,
@@ -96,7 +132,8 @@ struct Collector {
 
 impl ModuleVisitor for Collector {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        let name = self.path.join(".");
+        let path = self.path.join(".");
+        let name = self.names.get(&path).cloned().unwrap_or(path);
         let shape = param.dims().to_vec();
         match host_values(param.val().into_data()) {
             Ok(data) => {
