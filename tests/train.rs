@@ -20,7 +20,7 @@ fn config(epochs: u32) -> TrainConfig {
     sae.decoder_channels = vec![8, 6, 4];
     sae.input_size = Some([32, 32]);
     sae.target_size = [16, 16];
-    let split = Split {
+    let split = Split::Shares {
         training: 0.67,
         validation: 0.33,
     };

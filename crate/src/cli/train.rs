@@ -42,8 +42,9 @@ pub(super) struct TrainArguments {
     /// Standard deviation of the noise on the input
     #[arg(long, default_value_t = 1e-3)]
     noise: f32,
-    /// Shares of the sequences for training and validation; the rest stays unseen
-    #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25", value_parser = parse_split)]
+    /// Shares of the sequences for training and validation (the rest stays unseen), or `reference`: the authors'
+    /// numpy split into half, quarter and quarter (`reference:SEED` for another numpy seed than 0)
+    #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25")]
     split: Split,
     #[command(flatten)]
     sizes: SizeArguments,
@@ -118,19 +119,6 @@ impl SizeArguments {
             sigma_limit: self.sigma_limit.or(to.sigma_limit),
         }
     }
-}
-
-fn parse_split(text: &str) -> Result<Split> {
-    let shares = text
-        .split_once(',')
-        .and_then(|(t, v)| Some((t.trim().parse().ok()?, v.trim().parse().ok()?)));
-    shares
-        .map(|(training, validation)| Split { training, validation })
-        .ok_or_else(|| {
-            Error::input(format!(
-                "`{text}` is no split; expected two shares, e.g. 0.5,0.25"
-            ))
-        })
 }
 
 impl TrainArguments {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::SaeConfig;
+use crate::data::Split;
 use crate::error::{Error, Result};
 
 /// Everything that decides what a training computes.
@@ -25,16 +26,6 @@ pub struct TrainConfig {
     pub split: Split,
 }
 
-/// The shares of sequences for training and validation; the rest is left for testing.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Split {
-    /// Share for training, above 0.
-    pub training: f64,
-    /// Share for validation, above 0.
-    pub validation: f64,
-}
-
 impl TrainConfig {
     /// The paper's settings (appendix, table "Hyperparameters for SAE training"): 500 epochs, batches of 32, Adam with
     /// learning rate 0.001, noise 0.001; half of the sequences for training, a quarter for validation.
@@ -46,7 +37,7 @@ impl TrainConfig {
             batch: 32,
             learning_rate: 1e-3,
             noise: 1e-3,
-            split: Split {
+            split: Split::Shares {
                 training: 0.5,
                 validation: 0.25,
             },
@@ -74,14 +65,6 @@ impl TrainConfig {
         if !(self.noise.is_finite() && self.noise >= 0.0) {
             return wrong("the noise", &self.noise, "0 or a positive number");
         }
-        let Split { training, validation } = self.split;
-        if !(training > 0.0 && validation > 0.0 && training + validation <= 1.0 + 1e-9) {
-            return wrong(
-                "the split",
-                &format_args!("{training}, {validation}"),
-                "two positive shares that add up to at most 1",
-            );
-        }
-        Ok(())
+        self.split.validate()
     }
 }

@@ -10,7 +10,8 @@ mod dataset;
 mod run;
 mod trainer;
 
-pub use config::{Split, TrainConfig};
+pub use crate::data::Split;
+pub use config::TrainConfig;
 pub use dataset::{Dataset, Sequence};
 pub use run::{EpochLog, TrainSummary, train};
 pub use trainer::{Losses, Trainer};

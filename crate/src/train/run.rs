@@ -227,28 +227,17 @@ pub fn train(
     Ok(summary)
 }
 
-/// Training and validation sequences, drawn by the seed.
+/// Training and validation sequences.
 fn split<'a>(
     dataset: &'a Dataset,
     config: &TrainConfig,
     rng: &mut StdRng,
 ) -> Result<(Vec<&'a Sequence>, Vec<&'a Sequence>)> {
-    let total = dataset.sequences.len();
-    if total < 2 {
-        return Err(Error::mismatch(format!(
-            "{total} sequence to train and validate on; expected at least 2, since frames of one sequence are too alike"
-        )));
-    }
-    let mut order: Vec<usize> = (0..total).collect();
-    order.shuffle(rng);
-    let count = |share: f64| (share * total as f64).round() as usize;
-    let training = count(config.split.training).clamp(1, total - 1);
-    let validation = count(config.split.validation).clamp(1, total - training);
-    let (training, rest) = order.split_at_mut(training);
-    let validation = &mut rest[..validation];
-    validation.sort_unstable();
+    let parts = config
+        .split
+        .divide(dataset.sequences.len(), |order| order.shuffle(rng))?;
     let take = |part: &[usize]| part.iter().map(|i| &dataset.sequences[*i]).collect();
-    Ok((take(training), take(validation)))
+    Ok((take(&parts.training), take(&parts.validation)))
 }
 
 /// Inputs and targets of snippets, with noise on the inputs where it is given.
