@@ -4,13 +4,16 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::de::DeserializeOwned;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::{self, Folder};
 use crate::checkpoint::SaeConfig;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::Event;
-use crate::train::{Dataset, Split, TrainConfig, train};
+use crate::metric::Transform;
+use crate::model::fresh_weights;
+use crate::train::{Dataset, Existing, Split, TargetFilter, TrainConfig, ValidationFrames, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
@@ -24,7 +27,7 @@ pub(super) struct TrainArguments {
     /// keynet-vel-std-bg)
     #[arg(long, value_name = "NAME", default_value = "basic", value_parser = SaeConfig::named)]
     arch: SaeConfig,
-    /// Run folder to write; must not hold a run yet
+    /// Run folder to write; must not hold a run yet, unless it is resumed
     #[arg(long, value_name = "RUN_DIR")]
     out: PathBuf,
     /// Passes over the training sequences
@@ -46,6 +49,21 @@ pub(super) struct TrainArguments {
     /// numpy split into half, quarter and quarter (`reference:SEED` for another numpy seed than 0)
     #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25")]
     split: Split,
+    /// Weight of the velocity loss; default: 0.1 with -vel and for dsae, otherwise 0
+    #[arg(long, value_name = "WEIGHT")]
+    velocity_weight: Option<f64>,
+    /// Also train and validate on the snippets that do not fill a batch; the authors' code leaves them out
+    #[arg(long)]
+    keep_last: bool,
+    /// Frames of the validation sequences for the metric: `first` of every snippet, as in the authors' code, or `all`
+    #[arg(long, value_name = "WHICH", default_value = "first", value_parser = named::<ValidationFrames>)]
+    validation_frames: ValidationFrames,
+    /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or `bilinear-antialias`
+    #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
+    target_filter: TargetFilter,
+    /// Go on after the last whole epoch of the run in the folder; start one where there is none
+    #[arg(long)]
+    resume: bool,
     #[command(flatten)]
     sizes: SizeArguments,
     /// Threads; default: all cores
@@ -54,6 +72,11 @@ pub(super) struct TrainArguments {
     /// No progress bar
     #[arg(long)]
     quiet: bool,
+}
+
+/// A value by its name in `config.json`.
+fn named<T: DeserializeOwned>(name: &str) -> Result<T> {
+    serde_json::from_value(name.into()).map_err(|e| Error::input(e.to_string()))
 }
 
 /// What differs from the paper's configuration of the architecture.
@@ -131,6 +154,12 @@ impl TrainArguments {
             learning_rate: self.learning_rate,
             noise: self.noise,
             split: self.split,
+            drop_last: !self.keep_last,
+            validation_frames: self.validation_frames,
+            target_filter: self.target_filter,
+            velocity_weight: self
+                .velocity_weight
+                .unwrap_or(self.arch.architecture.velocity_weight()),
         }
     }
 }
@@ -165,14 +194,32 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     }
     let bar = progress_bar(arguments.quiet);
     let mut report = |event: Event| show(&bar, &event);
-    let summary = train(&config, &dataset, &arguments.out, &mut report, &cancel)?;
+    let existing = match arguments.resume {
+        true => Existing::Resume,
+        false => Existing::Refuse,
+    };
+    // The input size belongs to the weights from here on: extraction resizes to it.
+    let mut sae = config.sae.clone();
+    sae.input_size = Some(dataset.input_size);
+    let weights = fresh_weights(&sae, config.seed);
+    let summary = train(
+        &config,
+        &dataset,
+        &weights,
+        &arguments.out,
+        existing,
+        &mut report,
+        &cancel,
+    )?;
     for warning in summary.evaluation.iter().flat_map(|e| &e.warnings) {
         eprintln!("warning: on the validation sequences, {warning}");
     }
     if let Some(last) = &summary.last {
         let errors: Vec<String> = last
             .errors
-            .iter()
+            .get(Transform::Affine.name())
+            .into_iter()
+            .flatten()
             .map(|(name, error)| match error {
                 Some(error) => format!("{name} {error:.4}"),
                 None => format!("{name} not visible"),

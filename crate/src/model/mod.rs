@@ -46,11 +46,12 @@ pub use softargmax::spatial_softargmax;
 use std::collections::BTreeMap;
 
 use burn::prelude::{Device, Module, Tensor, TensorData};
+use burn::tensor::Gradients;
 use ndarray::Array3;
 
 #[cfg(doc)]
 use crate::checkpoint::ConvLayer;
-use crate::checkpoint::{Checkpoint, SaeConfig};
+use crate::checkpoint::{self, Checkpoint, SaeConfig};
 use crate::error::{Error, Result};
 use weights::{Loader, collect};
 
@@ -114,6 +115,18 @@ impl Sae {
         })
     }
 
+    /// The gradients of its weights by their names in the state dict; weights that got none are left out.
+    ///
+    /// # Errors
+    /// When the device does not give the values back.
+    pub fn gradients(
+        &self,
+        gradients: &Gradients,
+        config: &SaeConfig,
+    ) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+        weights::gradients(self, gradients, config)
+    }
+
     /// Encodes and decodes.
     ///
     /// # Shapes
@@ -144,7 +157,7 @@ pub fn points_xy(latent: Tensor<3>) -> Result<Array3<f64>> {
 }
 
 /// The f32 values of a tensor that was read back from a device.
-fn host_values(data: TensorData) -> Result<Vec<f32>> {
+pub(crate) fn host_values(data: TensorData) -> Result<Vec<f32>> {
     data.try_into_vec::<f32>()
         .map_err(|e| Error::numeric(format!("the device returned no f32 values: {e:?}")))
 }

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use burn::module::{Module, ModuleVisitor, Param, RunningState};
+use burn::module::{Module as _, ModuleVisitor, Param, ParamId, RunningState};
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
 use burn::prelude::{Device, Tensor, TensorData};
+use burn::tensor::Gradients;
 
 use super::{BatchNorm, Sae, host_values};
 use crate::checkpoint::{self, Checkpoint, ConvLayer, SaeConfig, TEMPERATURE};
@@ -15,11 +16,18 @@ use crate::error::{Error, Result};
 pub(super) struct Loader<'a> {
     checkpoint: &'a Checkpoint,
     device: &'a Device,
+    /// Of the state dict, in order.
+    names: Vec<String>,
 }
 
 impl<'a> Loader<'a> {
     pub(super) fn new(checkpoint: &'a Checkpoint, device: &'a Device) -> Self {
-        Self { checkpoint, device }
+        let shapes = checkpoint.config.tensor_shapes();
+        Self {
+            checkpoint,
+            device,
+            names: shapes.into_iter().map(|(name, _)| name).collect(),
+        }
     }
 
     fn data<const D: usize>(&self, name: &str) -> Result<([usize; D], TensorData)> {
@@ -35,14 +43,24 @@ impl<'a> Loader<'a> {
 
     pub(super) fn parameter<const D: usize>(&self, name: &str) -> Result<Param<Tensor<D>>> {
         let (_, data) = self.data::<D>(name)?;
-        Ok(Param::from_data(data, self.device))
+        Ok(self.identified(name, Param::from_data(data, self.device)))
     }
 
     /// All values of a tensor of any shape, as a vector.
     pub(super) fn vector(&self, name: &str) -> Result<Param<Tensor<1>>> {
         let values = self.checkpoint.tensor(name)?.data.clone();
         let count = values.len();
-        Ok(Param::from_data(TensorData::new(values, [count]), self.device))
+        let data = TensorData::new(values, [count]);
+        Ok(self.identified(name, Param::from_data(data, self.device)))
+    }
+
+    /// Gives a parameter the number of its tensor in the state dict. By it the stored moments of an optimizer find the
+    /// parameter again; burn's own numbers are drawn anew every time.
+    fn identified<const D: usize>(&self, name: &str, mut parameter: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        if let Some(number) = self.names.iter().position(|n| n == name) {
+            parameter.id = ParamId::from(number as u64);
+        }
+        parameter
     }
 
     fn buffer(&self, name: &str) -> Result<RunningState<Tensor<1>>> {
@@ -77,22 +95,21 @@ impl<'a> Loader<'a> {
 
 /// Every weight and buffer of an SAE by its name in the state dict.
 pub(super) fn collect(sae: &Sae, config: &SaeConfig) -> Result<BTreeMap<String, checkpoint::Tensor>> {
-    let mut collector = Collector {
-        names: names(config),
-        ..Collector::default()
-    };
     // Running statistics of the last batch are merged on this call; a visit alone would miss them.
-    sae.valid().visit(&mut collector);
-    if let Some(error) = collector.failure {
-        return Err(error);
-    }
-    // The module may hold a tensor of the same values in another shape.
-    for (name, shape) in config.tensor_shapes() {
-        if let Some(tensor) = collector.tensors.get_mut(&name) {
-            tensor.shape = shape;
-        }
-    }
-    Ok(collector.tensors)
+    Collector::new(config).visit(&sae.valid(), config)
+}
+
+/// The gradients of the weights of an SAE by their names in the state dict.
+pub(super) fn gradients(
+    sae: &Sae,
+    gradients: &Gradients,
+    config: &SaeConfig,
+) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+    let collector = Collector {
+        gradients: Some(gradients),
+        ..Collector::new(config)
+    };
+    collector.visit(sae, config)
 }
 
 /// The modules of the state dict by their path in the module tree, where the two differ.
@@ -122,20 +139,53 @@ fn names(config: &SaeConfig) -> BTreeMap<String, String> {
     names
 }
 
-#[derive(Default)]
-struct Collector {
+struct Collector<'a> {
     names: BTreeMap<String, String>,
     path: Vec<String>,
+    gradients: Option<&'a Gradients>,
     tensors: BTreeMap<String, checkpoint::Tensor>,
     failure: Option<Error>,
 }
 
-impl ModuleVisitor for Collector {
+impl Collector<'_> {
+    fn new(config: &SaeConfig) -> Self {
+        Self {
+            names: names(config),
+            path: Vec::new(),
+            gradients: None,
+            tensors: BTreeMap::new(),
+            failure: None,
+        }
+    }
+
+    fn visit(mut self, sae: &Sae, config: &SaeConfig) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+        sae.visit(&mut self);
+        if let Some(error) = self.failure {
+            return Err(error);
+        }
+        // The module may hold a tensor of the same values in another shape.
+        for (name, shape) in config.tensor_shapes() {
+            if let Some(tensor) = self.tensors.get_mut(&name) {
+                tensor.shape = shape;
+            }
+        }
+        Ok(self.tensors)
+    }
+}
+
+impl ModuleVisitor for Collector<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let path = self.path.join(".");
         let name = self.names.get(&path).cloned().unwrap_or(path);
-        let shape = param.dims().to_vec();
-        match host_values(param.val().into_data()) {
+        let values = match self.gradients {
+            None => param.val(),
+            Some(gradients) => match param.val().grad(gradients) {
+                Some(gradient) => gradient,
+                None => return,
+            },
+        };
+        let shape = values.dims().to_vec();
+        match host_values(values.into_data()) {
             Ok(data) => {
                 self.tensors.insert(name, checkpoint::Tensor { shape, data });
             }
