@@ -1,8 +1,8 @@
 use burn::module::{Module, Param};
 use burn::nn::conv::Conv2d;
 use burn::prelude::{Tensor, TensorData};
-use burn::tensor::activation::relu;
 
+use super::kernels::conv;
 use super::weights::Loader;
 use super::{BatchNorm, grid};
 use crate::checkpoint::SaeConfig;
@@ -86,10 +86,10 @@ impl Decoder {
     /// - output: `[B, 3, h, w]`
     pub fn forward(&self, latent: Tensor<3>) -> Tensor<4> {
         let x = self.gaussian_sampling.forward(latent);
-        let x = relu(self.bn1.forward(self.conv1.forward(x)));
-        let x = relu(self.bn2.forward(self.conv2.forward(x)));
-        let x = relu(self.bn3.forward(self.conv3.forward(x)));
-        let x = self.aggregate_conv.forward(x);
+        let x = self.bn1.forward_relu(conv(&self.conv1, x));
+        let x = self.bn2.forward_relu(conv(&self.conv2, x));
+        let x = self.bn3.forward_relu(conv(&self.conv3, x));
+        let x = conv(&self.aggregate_conv, x);
         match &self.background_bias {
             Some(background) => x + background.bias.val().unsqueeze::<4>(),
             None => x,

@@ -1,10 +1,8 @@
 use burn::module::Module;
-use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
-use burn::nn::pool::{MaxPool2d, MaxPool2dConfig};
 use burn::prelude::{Device, Tensor};
-use burn::tensor::activation::relu;
 
+use super::kernels::{conv, max_pool};
 use super::weights::Loader;
 use super::{BatchNorm, spatial_softargmax};
 use crate::checkpoint::Checkpoint;
@@ -37,7 +35,6 @@ pub struct ConvBlock {
     pub conv2: Conv2d,
     /// Over C channels, after the pool.
     pub bn2: BatchNorm,
-    pool: MaxPool2d,
 }
 
 impl Encoder {
@@ -64,7 +61,7 @@ impl Encoder {
         let x = self.block1.forward(images);
         let x = self.block2.forward(x);
         let x = self.block3.forward(x);
-        self.aggregate_conv.forward(x)
+        conv(&self.aggregate_conv, x)
     }
 
     /// The points.
@@ -84,9 +81,6 @@ impl ConvBlock {
             bn1: weights.batch_norm(&format!("{name}.bn1"))?,
             conv2: weights.conv(&format!("{name}.conv2"))?,
             bn2: weights.batch_norm(&format!("{name}.bn2"))?,
-            pool: MaxPool2dConfig::new([2, 2])
-                .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
-                .init(),
         })
     }
 
@@ -96,8 +90,8 @@ impl ConvBlock {
     /// - `input`: `[B, C_in, H, W]`
     /// - output: `[B, C, H / 2 + 1, W / 2 + 1]`
     pub fn forward(&self, input: Tensor<4>) -> Tensor<4> {
-        let x = relu(self.bn1.forward(self.conv1.forward(input)));
-        let x = self.pool.forward(self.conv2.forward(x));
-        relu(self.bn2.forward(x))
+        let x = self.bn1.forward_relu(conv(&self.conv1, input));
+        let x = max_pool(conv(&self.conv2, x));
+        self.bn2.forward_relu(x)
     }
 }

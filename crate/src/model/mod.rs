@@ -31,6 +31,7 @@ mod batch_norm;
 mod decoder;
 mod encoder;
 mod init;
+mod kernels;
 mod softargmax;
 mod weights;
 
