@@ -1,6 +1,9 @@
 use burn::module::{Module, Param, RunningState};
 use burn::prelude::Tensor;
-use burn::tensor::module::{batch_norm, batch_norm_train};
+use burn::tensor::activation::relu;
+use burn::tensor::module::batch_norm;
+
+use super::kernels::batch_norm_relu;
 
 /// Weight of a new batch in the running statistics.
 const MOMENTUM: f64 = 0.1;
@@ -26,25 +29,25 @@ pub struct BatchNorm {
 
 impl BatchNorm {
     /// Normalizes every channel: by the statistics of the batch, which also enter the running ones, on an autodiff
-    /// device, otherwise by the running statistics.
+    /// device, otherwise by the running statistics. Then the ReLU that follows every batch norm here.
     ///
     /// # Shapes
     /// - `input`: `[B, C, H, W]`
     /// - output: `[B, C, H, W]`
-    pub fn forward(&self, input: Tensor<4>) -> Tensor<4> {
+    pub fn forward_relu(&self, input: Tensor<4>) -> Tensor<4> {
         if !input.device().is_autodiff() {
-            return batch_norm(
+            return relu(batch_norm(
                 input,
                 self.weight.val(),
                 self.bias.val(),
                 self.running_mean.value_sync(),
                 self.running_var.value_sync(),
                 EPSILON,
-            );
+            ));
         }
         let [batch, _, height, width] = input.dims();
         let samples = (batch * height * width) as f64;
-        let result = batch_norm_train(input, self.weight.val(), self.bias.val(), EPSILON);
+        let result = batch_norm_relu(input, self.weight.val(), self.bias.val(), EPSILON);
         let unbiased = result.variance * (samples / (samples - 1.0).max(1.0));
         update(&self.running_mean, result.mean);
         update(&self.running_var, unbiased);

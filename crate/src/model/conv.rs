@@ -1,27 +1,24 @@
 use burn::module::Module;
-use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
-use burn::nn::pool::{MaxPool2d, MaxPool2dConfig};
 use burn::prelude::Tensor;
-use burn::tensor::activation::relu;
 use burn::tensor::module::interpolate;
 use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 
 use super::BatchNorm;
+use super::kernels::{conv, max_pool};
 use super::weights::Loader;
 use crate::checkpoint::ConvLayer;
 use crate::error::Result;
 
-/// A [`ConvLayer`] with its weights: upsampling, convolution, pool, batch norm, ReLU, each where the layer has it.
+/// A [`ConvLayer`] with its weights: upsampling, convolution, pool, batch norm and ReLU, each where the layer has it.
 #[derive(Module, Debug)]
 pub struct ConvBlock {
     /// With a bias where there is no batch norm.
     pub conv: Conv2d,
     /// After the pool.
     pub norm: Option<BatchNorm>,
-    pool: Option<MaxPool2d>,
+    pool: bool,
     upsample: bool,
-    relu: bool,
 }
 
 impl ConvBlock {
@@ -33,13 +30,8 @@ impl ConvBlock {
                 .as_ref()
                 .map(|name| weights.batch_norm(name))
                 .transpose()?,
-            pool: layer.pool.then(|| {
-                MaxPool2dConfig::new([2, 2])
-                    .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
-                    .init()
-            }),
+            pool: layer.pool,
             upsample: layer.upsample,
-            relu: layer.relu,
         })
     }
 
@@ -56,13 +48,13 @@ impl ConvBlock {
                 .with_scale_factor([2.0, 2.0]);
             x = interpolate(x, twice);
         }
-        x = self.conv.forward(x);
-        if let Some(pool) = &self.pool {
-            x = pool.forward(x);
+        x = conv(&self.conv, x);
+        if self.pool {
+            x = max_pool(x);
         }
-        if let Some(norm) = &self.norm {
-            x = norm.forward(x);
+        match &self.norm {
+            Some(norm) => norm.forward_relu(x),
+            None => x,
         }
-        if self.relu { relu(x) } else { x }
     }
 }

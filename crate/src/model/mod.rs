@@ -33,6 +33,7 @@ mod conv;
 mod decoder;
 mod encoder;
 mod init;
+mod kernels;
 mod softargmax;
 mod weights;
 

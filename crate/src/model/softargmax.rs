@@ -14,11 +14,8 @@ use super::grid;
 pub fn spatial_softargmax(maps: Tensor<4>) -> Tensor<3> {
     let [batch, points, height, width] = maps.dims();
     let device = maps.device();
-    let attention = softmax(maps.reshape([batch * points, height * width]), 1).reshape([
-        batch * points,
-        height,
-        width,
-    ]);
+    let attention =
+        softmax(maps.reshape([batch * points, height * width]), 1).reshape([batch * points, height, width]);
     // Rows and columns first: sums over thousands of cells in one go lose digits in f32.
     let along = |axis: usize, length: usize| {
         let coordinates = Tensor::<3>::from_data(TensorData::new(grid(length), [1, length, 1]), &device);
