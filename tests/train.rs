@@ -2,12 +2,13 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
-use tracklens::data::{FrameIndex, parse_ground_truth};
+use tracklens::data::{EncodedFrames, FrameIndex, parse_ground_truth};
 use tracklens::engine::{Encoder, Workspace};
 use tracklens::event::{Cancel, Event};
-use tracklens::train::{Dataset, EpochLog, Split, TrainConfig, TrainSummary, train};
+use tracklens::train::{DEFAULT_CACHE, Dataset, EpochLog, Split, TrainConfig, TrainSummary, train};
 
 fn recording() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push")
@@ -33,7 +34,7 @@ fn config(epochs: u32) -> TrainConfig {
     }
 }
 
-fn dataset(config: &TrainConfig) -> Dataset {
+fn dataset(config: &TrainConfig, cache: u64) -> Dataset {
     let truth = fs::read(recording().join("ground_truth.csv")).expect("a ground truth");
     let truth = parse_ground_truth(&truth, "ground_truth.csv")
         .expect("a table")
@@ -45,15 +46,24 @@ fn dataset(config: &TrainConfig) -> Dataset {
         }
     }
     let index = FrameIndex::new(&paths).expect("frames");
-    let read = |i: usize| {
-        let name = &paths[index.order()[i]];
+    let order = index.order().to_vec();
+    let read = move |i: usize| {
+        let name = &paths[order[i]];
         Ok((name.clone(), fs::read(recording().join(name)).expect("a frame")))
     };
-    Dataset::load(&index, read, &truth, &config.sae, &Cancel::default()).expect("a data set")
+    let source = Arc::new(EncodedFrames::new(index, read));
+    Dataset::load(source, &truth, &config.sae, cache, &Cancel::default()).expect("a data set")
 }
 
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
-    train(config, &dataset(config), out, &mut |_| {}, &Cancel::default()).expect("a training")
+    train(
+        config,
+        &dataset(config, DEFAULT_CACHE),
+        out,
+        &mut |_| {},
+        &Cancel::default(),
+    )
+    .expect("a training")
 }
 
 fn weights(folder: &Path) -> Checkpoint {

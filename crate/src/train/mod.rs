@@ -12,7 +12,7 @@ mod trainer;
 
 pub use crate::data::Split;
 pub use config::TrainConfig;
-pub use dataset::{Dataset, Sequence};
+pub use dataset::{DEFAULT_CACHE, Dataset, Sequence};
 pub use run::{EpochLog, TrainSummary, train};
 pub use trainer::{Losses, Trainer};
 

@@ -163,7 +163,7 @@ pub fn train(
                 summary.interrupted = true;
                 break;
             }
-            let (inputs, targets) = gather(batch, Some((config.noise, &mut rng)));
+            let (inputs, targets) = gather(dataset, batch, Some((config.noise, &mut rng)))?;
             let losses = trainer
                 .step(inputs, targets, dataset.input_size)
                 .map_err(|e| diagnose(&e, epoch, config))?;
@@ -241,14 +241,12 @@ fn split<'a>(
 }
 
 /// Inputs and targets of snippets, with noise on the inputs where it is given.
-fn gather(batch: &[(&Sequence, usize)], noise: Option<(f32, &mut StdRng)>) -> (Vec<f32>, Vec<f32>) {
-    let (mut inputs, mut targets) = (Vec::new(), Vec::new());
-    for (sequence, start) in batch {
-        for t in *start..start + SNIPPET {
-            sequence.push_input(t, &mut inputs);
-            targets.extend_from_slice(sequence.target(t));
-        }
-    }
+fn gather(
+    dataset: &Dataset,
+    batch: &[(&Sequence, usize)],
+    noise: Option<(f32, &mut StdRng)>,
+) -> Result<(Vec<f32>, Vec<f32>)> {
+    let (mut inputs, targets) = dataset.gather(batch)?;
     if let Some((deviation, rng)) = noise
         && deviation > 0.0
     {
@@ -256,7 +254,7 @@ fn gather(batch: &[(&Sequence, usize)], noise: Option<(f32, &mut StdRng)>) -> (V
             *value += deviation * rng.sample::<f32, _>(StandardNormal);
         }
     }
-    (inputs, targets)
+    Ok((inputs, targets))
 }
 
 /// Losses over all snippets, and the metric over the first frame of each (as the authors evaluate).
@@ -273,7 +271,7 @@ fn validate(
     let mut sum = Losses::default();
     let mut accumulator: Option<Accumulator> = None;
     for batch in snippets.chunks(VALIDATION_BATCH) {
-        let (inputs, targets) = gather(batch, None);
+        let (inputs, targets) = gather(dataset, batch, None)?;
         let (output, losses) = trainer.evaluate(&sae, inputs, targets, dataset.input_size)?;
         let share = batch.len() as f64 / snippets.len() as f64;
         sum.total += share * losses.total;
