@@ -147,7 +147,14 @@ fn a_cancelled_training_saves_what_it_has() {
         Event::Warning(text) => warned = text.contains("saved"),
         _ => {}
     };
-    let summary = train(&config, &dataset(&config), &out, &mut report, &cancel).expect("a summary");
+    let summary = train(
+        &config,
+        &dataset(&config, DEFAULT_CACHE),
+        &out,
+        &mut report,
+        &cancel,
+    )
+    .expect("a summary");
     assert!(summary.interrupted && warned);
     // Two training sequences of three snippets, two a step: three steps an epoch, so two whole epochs.
     assert_eq!(summary.epochs, 2);
@@ -168,9 +175,15 @@ fn a_cancelled_training_saves_what_it_has() {
 fn what_cannot_be_trained_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let error = |config: &TrainConfig, out: &Path| {
-        train(config, &dataset(config), out, &mut |_| {}, &Cancel::default())
-            .expect_err("an error")
-            .to_string()
+        train(
+            config,
+            &dataset(config, DEFAULT_CACHE),
+            out,
+            &mut |_| {},
+            &Cancel::default(),
+        )
+        .expect_err("an error")
+        .to_string()
     };
     let out = folder.path().join("run");
     run(&config(1), &out);
@@ -214,4 +227,29 @@ fn what_cannot_be_trained_is_told() {
         diverged.contains("diverged at learning rate") && diverged.contains("try a smaller one"),
         "{diverged}"
     );
+}
+
+#[test]
+fn a_small_cache_changes_no_weight() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = config(2);
+    let trained = |cache: u64| {
+        let out = folder.path().join(cache.to_string());
+        let dataset = dataset(&config, cache);
+        let again = dataset
+            .notices
+            .iter()
+            .find(|n| n.contains("do not fit the cache"));
+        train(&config, &dataset, &out, &mut |_| {}, &Cancel::default()).expect("a training");
+        (weights(&out).tensors, again.cloned())
+    };
+    let (all, notice) = trained(DEFAULT_CACHE);
+    assert_eq!(notice, None);
+    // An input of 32 x 32 floats and a target of 16 x 16: 15360 bytes. Six frames fit, none fits.
+    for (cache, left) in [(100_000, 9), (0, 15)] {
+        let (some, notice) = trained(cache);
+        assert_eq!(some, all, "a cache of {cache} bytes");
+        let notice = notice.expect("a notice");
+        assert!(notice.contains(&format!("{left} of 15")), "{notice}");
+    }
 }

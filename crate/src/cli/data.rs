@@ -111,12 +111,13 @@ fn for_blocks<T: Send>(
 
 /// What `inspect` prints as JSON.
 #[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
 struct Inspection {
     schema: &'static str,
     frames: usize,
     sequences: usize,
     /// The fewest and the most frames of a sequence.
-    frames_a_sequence: [usize; 2],
+    sequence_lengths: [usize; 2],
     /// Frames by size, `256x256`.
     sizes: BTreeMap<String, usize>,
     /// `8-bit`, `float` or both.
@@ -126,12 +127,14 @@ struct Inspection {
 }
 
 #[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
 struct TruthInspection {
     objects: Vec<ObjectInspection>,
     join: JoinReport,
 }
 
 #[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
 struct ObjectInspection {
     name: String,
     /// Rows in which it has a position.
@@ -155,7 +158,7 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
         schema: "tracklens/data/1",
         frames: index.keys().len(),
         sequences: lengths().count(),
-        frames_a_sequence: [lengths().min().unwrap_or(0), lengths().max().unwrap_or(0)],
+        sequence_lengths: [lengths().min().unwrap_or(0), lengths().max().unwrap_or(0)],
         sizes: BTreeMap::new(),
         pixels: Vec::new(),
         unreadable: Vec::new(),
@@ -245,7 +248,7 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
 }
 
 fn print_inspection(found: &Inspection) {
-    let [fewest, most] = found.frames_a_sequence;
+    let [fewest, most] = found.sequence_lengths;
     let each = if fewest == most {
         fewest.to_string()
     } else {
