@@ -647,3 +647,196 @@ mod train {
         );
     }
 }
+
+fn format(name: &str) -> String {
+    data("data/formats").join(name).to_string_lossy().into_owned()
+}
+
+/// `tracklens data …`, which must succeed; what it says on the way.
+fn convert(arguments: &[&str]) -> String {
+    let done = tracklens(&[&["data", "convert", "--quiet"], arguments].concat());
+    assert!(done.status.success(), "{}", stderr(&done));
+    stderr(&done)
+}
+
+#[test]
+fn inspect_says_what_is_there_and_what_does_not_fit() {
+    let found = json(&tracklens(&[
+        "data",
+        "inspect",
+        "--quiet",
+        &format("record.hdf5"),
+    ]));
+    assert_eq!(found["schema"], "tracklens/data/1");
+    assert_eq!(
+        (found["frames"].as_u64(), found["sequences"].as_u64()),
+        (Some(15), Some(3))
+    );
+    assert_eq!(found["sizes"]["16x16"], 15);
+    assert_eq!(found["pixels"][0], "float");
+    let truth = &found["groundTruth"];
+    assert_eq!(truth["objects"][0]["name"], "cube");
+    assert_eq!(truth["objects"][4]["name"], "eef");
+    assert_eq!(truth["objects"][4]["visible"], 15);
+    assert_eq!(truth["join"]["matched"], 15);
+
+    // A folder with a frame that is broken and one without rows.
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("set");
+    let out = out.to_str().expect("a path");
+    convert(&[&format("frames.npz"), out]);
+    let frame = Path::new(out).join("seq_0001");
+    std::fs::write(frame.join("frame_002.png"), b"no image").expect("written");
+    std::fs::copy(frame.join("frame_000.png"), frame.join("frame_009.png")).expect("copied");
+    let found = json(&tracklens(&["data", "inspect", "--quiet", out]));
+    assert_eq!(found["sequenceLengths"], serde_json::json!([5, 6]));
+    assert_eq!(found["pixels"], serde_json::json!(["8-bit"]));
+    let unreadable = found["unreadable"].as_array().expect("a list");
+    assert_eq!(unreadable.len(), 1);
+    assert!(unreadable[0].as_str().expect("text").contains("frame_002.png"));
+    assert_eq!(found["groundTruth"]["join"]["unmatchedFrames"]["count"], 1);
+}
+
+#[test]
+fn a_recording_becomes_a_folder_and_an_array() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let said = convert(&[
+        &format("record.hdf5"),
+        &path("set"),
+        "--objects",
+        "cube,target,eef",
+    ]);
+    assert!(said.contains("1/510"), "{said}");
+    let truth = std::fs::read_to_string(path("set/ground_truth.csv")).expect("a table");
+    assert_eq!(truth.lines().count(), 1 + 15 * 3);
+    assert!(!truth.contains("link_4"));
+    assert!(folder.path().join("set/seq_0002/frame_004.png").is_file());
+
+    // Floats stay floats in an array, and the way through it changes nothing.
+    let said = convert(&[&format("record.hdf5"), &path("a.npz")]);
+    assert!(!said.contains("1/510"), "{said}");
+    convert(&[&path("a.npz"), &path("b.npz")]);
+    let bytes = |name: &str| std::fs::read(path(name)).expect("a file");
+    assert_eq!(bytes("a.npz"), bytes("b.npz"));
+    convert(&[&path("a.npz"), &path("again"), "--objects", "cube,target,eef"]);
+    for file in ["ground_truth.csv", "seq_0000/frame_003.png"] {
+        assert_eq!(bytes(&format!("again/{file}")), bytes(&format!("set/{file}")));
+    }
+
+    let again = tracklens(&["data", "convert", &path("a.npz"), &path("set")]);
+    assert_eq!(again.status.code(), Some(1));
+    assert!(stderr(&again).contains("is there already"), "{}", stderr(&again));
+    // Sequences of different lengths are no array; nothing is left behind.
+    std::fs::remove_file(path("set/seq_0001/frame_004.png")).expect("removed");
+    let uneven = tracklens(&["data", "convert", "--quiet", &path("set"), &path("c.npz")]);
+    assert_eq!(uneven.status.code(), Some(4));
+    assert!(
+        stderr(&uneven).contains("write a folder instead"),
+        "{}",
+        stderr(&uneven)
+    );
+    let mut left: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name())
+        .collect();
+    left.sort();
+    assert_eq!(left, ["a.npz", "again", "b.npz", "set"]);
+}
+
+#[test]
+fn frames_are_extracted_from_any_source_alike() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    convert(&[&format("options.hdf5"), &path("set")]);
+    convert(&[&path("set"), &path("set.npz")]);
+    let checkpoint = checkpoint();
+    let keypoints = |frames: &str| {
+        let out = path("kp.csv");
+        let done = tracklens(&[
+            "extract",
+            "--quiet",
+            "--checkpoint",
+            &checkpoint,
+            "--frames",
+            frames,
+            "--out",
+            &out,
+        ]);
+        assert!(done.status.success(), "{}", stderr(&done));
+        std::fs::read_to_string(out).expect("keypoints")
+    };
+    let from_folder = keypoints(&path("set"));
+    assert_eq!(keypoints(&path("set.npz")), from_folder);
+    assert_eq!(keypoints(&format("options.hdf5")), from_folder);
+
+    // The ground truth lies with the frames.
+    let eval = |frames: &str| {
+        json(&tracklens(&[
+            "eval",
+            "--quiet",
+            "--json",
+            "--checkpoint",
+            &checkpoint,
+            "--frames",
+            frames,
+        ]))
+    };
+    let (a, b) = (eval(&path("set")), eval(&format("options.hdf5")));
+    assert_eq!(a["objects"], b["objects"]);
+    assert_eq!(a["objects"].as_array().map(Vec::len), Some(5));
+    let none = tracklens(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &format("lzf.hdf5"),
+    ]);
+    assert!(
+        stderr(&none).contains("no ground truth lies with the frames"),
+        "{}",
+        stderr(&none)
+    );
+    let wrong = tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &format("frames.f32"),
+        "--out",
+        &path("x"),
+    ]);
+    assert_eq!(wrong.status.code(), Some(3));
+    assert!(
+        stderr(&wrong).contains("neither a folder nor a recording"),
+        "{}",
+        stderr(&wrong)
+    );
+}
+
+#[test]
+fn recordings_are_scored() {
+    let scored = json(&tracklens(&[
+        "score",
+        "--truth",
+        &format("points.npz"),
+        "--keypoints",
+        &format("points.npz"),
+        "--objects",
+        "cube,eef",
+    ]));
+    let objects = scored["objects"].as_array().expect("objects");
+    assert_eq!(objects.len(), 2);
+    // The points are their own keypoints: `eef` is also a scaled `link_5`, so only the error is certain.
+    for object in objects {
+        assert!(object["error"].as_f64().expect("an error") < 1e-9, "{object}");
+    }
+    let truth = json(&tracklens(&[
+        "score",
+        "--truth",
+        &format("record.hdf5"),
+        "--keypoints",
+        &format("points.npz"),
+    ]));
+    assert_eq!(truth["frames"], 15);
+}

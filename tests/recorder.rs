@@ -83,7 +83,8 @@ fn table_and_floor_are_where_they_are_in_the_example() {
         Frame::decode(&bytes).expect("an image")
     });
     assert_eq!((ours.width(), ours.height()), (theirs.width(), theirs.height()));
-    let pixels = ours.rgb().chunks_exact(3).zip(theirs.rgb().chunks_exact(3));
+    let (ours, theirs) = (ours.rgb(), theirs.rgb());
+    let pixels = ours.chunks_exact(3).zip(theirs.chunks_exact(3));
     let same = |(a, b): &(&[u8], &[u8])| a.iter().zip(*b).all(|(a, b)| a.abs_diff(*b) <= 8);
     let share = pixels.clone().filter(same).count() as f64 / pixels.count() as f64;
     assert!(share > 0.9, "only {share} of the pixels are the same");

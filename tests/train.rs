@@ -2,15 +2,16 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
-use tracklens::data::{FrameIndex, parse_ground_truth};
+use tracklens::data::{EncodedFrames, FrameIndex, parse_ground_truth};
 use tracklens::engine::{Encoder, Workspace};
 use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::train::{
-    Dataset, EpochLog, Existing, Split, TrainConfig, TrainSummary, ValidationFrames, train,
+    DEFAULT_CACHE, Dataset, EpochLog, Existing, Split, TrainConfig, TrainSummary, ValidationFrames, train,
 };
 
 fn recording() -> PathBuf {
@@ -37,7 +38,7 @@ fn config(epochs: u32) -> TrainConfig {
     }
 }
 
-fn dataset(config: &TrainConfig) -> Dataset {
+fn dataset(config: &TrainConfig, cache: u64) -> Dataset {
     let truth = fs::read(recording().join("ground_truth.csv")).expect("a ground truth");
     let truth = parse_ground_truth(&truth, "ground_truth.csv")
         .expect("a table")
@@ -49,11 +50,13 @@ fn dataset(config: &TrainConfig) -> Dataset {
         }
     }
     let index = FrameIndex::new(&paths).expect("frames");
-    let read = |i: usize| {
-        let name = &paths[index.order()[i]];
+    let order = index.order().to_vec();
+    let read = move |i: usize| {
+        let name = &paths[order[i]];
         Ok((name.clone(), fs::read(recording().join(name)).expect("a frame")))
     };
-    Dataset::load(&index, read, &truth, &config.sae, &Cancel::default()).expect("a data set")
+    let source = Arc::new(EncodedFrames::new(index, read));
+    Dataset::load(source, &truth, config, cache, &Cancel::default()).expect("a data set")
 }
 
 fn attempt(
@@ -63,7 +66,7 @@ fn attempt(
     report: &mut dyn FnMut(Event),
     cancel: &Cancel,
 ) -> Result<TrainSummary, Error> {
-    let dataset = dataset(config);
+    let dataset = dataset(config, DEFAULT_CACHE);
     let weights = fresh_weights(&config.sae, config.seed);
     train(config, &dataset, &weights, out, existing, report, cancel)
 }
@@ -304,4 +307,31 @@ fn what_cannot_be_trained_is_told() {
         diverged.contains("diverged at learning rate") && diverged.contains("try a smaller one"),
         "{diverged}"
     );
+}
+
+#[test]
+fn a_small_cache_changes_no_weight() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = config(2);
+    let trained = |cache: u64| {
+        let out = folder.path().join(cache.to_string());
+        let dataset = dataset(&config, cache);
+        let again = dataset
+            .notices
+            .iter()
+            .find(|n| n.contains("do not fit the cache"));
+        let start = fresh_weights(&config.sae, config.seed);
+        let (mut report, cancel) = (|_| {}, Cancel::default());
+        train(&config, &dataset, &start, &out, Existing::Refuse, &mut report, &cancel).expect("a training");
+        (weights(&out).tensors, again.cloned())
+    };
+    let (all, notice) = trained(DEFAULT_CACHE);
+    assert_eq!(notice, None);
+    // An input of 32 x 32 floats and a target of 16 x 16: 15360 bytes. Six frames fit, none fits.
+    for (cache, left) in [(100_000, 9), (0, 15)] {
+        let (some, notice) = trained(cache);
+        assert_eq!(some, all, "a cache of {cache} bytes");
+        let notice = notice.expect("a notice");
+        assert!(notice.contains(&format!("{left} of 15")), "{notice}");
+    }
 }

@@ -104,6 +104,27 @@ impl GroundTruth {
         })
     }
 
+    /// Only the objects `names`, in that order.
+    ///
+    /// # Errors
+    /// When there is no object of a name.
+    pub fn select(&self, names: &[String]) -> Result<Self> {
+        let position = |name: &String| {
+            self.names.iter().position(|n| n == name).ok_or_else(|| {
+                Error::mismatch(format!(
+                    "there is no object `{name}`; the objects are {}",
+                    self.names.join(", ")
+                ))
+            })
+        };
+        let positions = names.iter().map(position).collect::<Result<Vec<usize>>>()?;
+        Self::new(
+            self.keys.clone(),
+            names.to_vec(),
+            self.points_ndc.select(Axis(1), &positions),
+        )
+    }
+
     /// The frames, in order.
     pub fn keys(&self) -> &[FrameKey] {
         &self.keys

@@ -1,7 +1,7 @@
 //! `tracklens extract` and `tracklens eval`.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
@@ -9,10 +9,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::files::{self, Folder};
+use super::files::{self, TruthArguments};
 use super::score::ScoringArguments;
 use crate::atomic;
-use crate::data::keypoints_csv;
+use crate::data::{BLOCK, FrameSource, keypoints_csv};
 use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
@@ -32,9 +32,10 @@ pub(super) struct ExtractArguments {
 pub(super) struct EvalArguments {
     #[command(flatten)]
     source: SourceArguments,
-    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down)
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down); default:
+    /// ground_truth.csv in the folder of the frames, or the points of the recording
     #[arg(long, value_name = "GT.csv")]
-    truth: PathBuf,
+    truth: Option<PathBuf>,
     /// Also write the keypoints to this file
     #[arg(long, value_name = "KP.csv")]
     keypoints_out: Option<PathBuf>,
@@ -48,9 +49,11 @@ struct SourceArguments {
     /// Weights of the encoder
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
-    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP)
-    #[arg(long, value_name = "DIR")]
+    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz, .hdf5)
+    #[arg(long, value_name = "PATH")]
     frames: PathBuf,
+    #[command(flatten)]
+    reading: TruthArguments,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -64,7 +67,8 @@ struct SourceArguments {
 
 pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
     atomic::check(&arguments.out)?;
-    let extracted = arguments.source.extract()?;
+    let source = &arguments.source;
+    let extracted = source.extract(&*source.reading.open(&source.frames)?)?;
     atomic::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
     eprintln!(
         "{} keypoints of {} frames written to {}",
@@ -77,11 +81,15 @@ pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
 
 pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     // Before the long work: a table that cannot be read should not cost minutes.
-    let truth = files::read_ground_truth(&arguments.truth)?;
+    let source = &arguments.source;
+    let frames = source.reading.open(&source.frames)?;
+    let truth = source
+        .reading
+        .need(arguments.truth.as_deref(), &source.frames, &*frames, "scoring")?;
     if let Some(path) = &arguments.keypoints_out {
         atomic::check(path)?;
     }
-    let extracted = arguments.source.extract()?;
+    let extracted = source.extract(&*frames)?;
     if let Some(path) = &arguments.keypoints_out {
         atomic::write(path, keypoints_csv(&extracted.track).as_bytes())?;
     }
@@ -97,19 +105,9 @@ struct Extracted {
 }
 
 impl SourceArguments {
-    fn extract(&self) -> Result<Extracted> {
+    fn extract(&self, frames: &dyn FrameSource) -> Result<Extracted> {
         let encoder = Encoder::new(&files::read_checkpoint(&self.checkpoint)?)
             .map_err(|e| e.at(self.checkpoint.display()))?;
-        let folder = Folder::open(&self.frames)?;
-        let ignored = folder.ignored();
-        if let Some(first) = ignored.first() {
-            let more = if ignored.len() > 1 { ", …" } else { "" };
-            eprintln!(
-                "note: {} file(s) that are no images are left out: {}{more}",
-                ignored.len(),
-                first.display()
-            );
-        }
         let cancel = cancel_on_interrupt()?;
         let bar = progress_bar(self.quiet);
         let threads = self.threads.map_or(0, NonZeroUsize::get);
@@ -118,7 +116,7 @@ impl SourceArguments {
             .build()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
         let report = |event: Event| show(&bar, &event);
-        let found = pool.install(|| extract_all(&encoder, &folder, &report, &cancel))?;
+        let found = pool.install(|| extract_all(&encoder, frames, &report, &cancel))?;
 
         let unreadable: Vec<&Error> = found.iter().filter_map(|f| f.as_ref().err()).collect();
         if let Some(first) = unreadable.first() {
@@ -134,8 +132,8 @@ impl SourceArguments {
                 eprintln!("note:   {error}");
             }
         }
-        let (keys, good): (Vec<_>, Vec<&Extraction>) = folder
-            .index
+        let (keys, good): (Vec<_>, Vec<&Extraction>) = frames
+            .index()
             .keys()
             .iter()
             .zip(&found)
@@ -159,19 +157,21 @@ impl SourceArguments {
 /// Extracts every frame, dealt to the threads of the current pool; the results are in order.
 fn extract_all(
     encoder: &Encoder,
-    folder: &Folder,
+    frames: &dyn FrameSource,
     report: &(dyn Fn(Event) + Sync),
     cancel: &Cancel,
 ) -> Result<Vec<Result<Extraction>>> {
     report(Event::Started {
         what: "extracting keypoints".to_owned(),
-        total: folder.len() as u64,
+        total: frames.index().keys().len() as u64,
     });
     let done = std::sync::atomic::AtomicU64::new(0);
-    let one = |extractor: &mut CpuExtractor<&Encoder>, path: &Path| {
+    let one = |extractor: &mut CpuExtractor<&Encoder>, i: usize| {
         cancel.check()?;
-        let place = |e: Error| e.at(path.display());
-        let found = files::read(path).and_then(|bytes| extractor.extract(&bytes).map_err(place));
+        let place = |e: Error| e.at(&frames.index().keys()[i]);
+        let found = frames
+            .read(i)
+            .and_then(|frame| extractor.extract_frame(&frame).map_err(place));
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
         report(Event::Progress {
             done,
@@ -179,13 +179,12 @@ fn extract_all(
         });
         found
     };
-    let found: Vec<Result<Extraction>> = (0..folder.len())
-        .into_par_iter()
-        .map_init(
-            || CpuExtractor::new(encoder),
-            |extractor, i| one(extractor, folder.path(i)),
-        )
-        .collect();
+    let count = frames.index().keys().len();
+    let mut found: Vec<Result<Extraction>> = Vec::with_capacity(count);
+    for start in (0..count).step_by(BLOCK) {
+        let block = (start..(start + BLOCK).min(count)).into_par_iter();
+        found.par_extend(block.map_init(|| CpuExtractor::new(encoder), one));
+    }
     report(Event::Done);
     match found
         .iter()

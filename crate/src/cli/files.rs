@@ -1,24 +1,194 @@
 //! Files and folders: everything that knows paths.
 
+use std::fs::File;
+use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
 
 use crate::checkpoint::Checkpoint;
-use crate::data::{FrameIndex, Table, parse_ground_truth, parse_keypoints};
-use crate::error::{Error, Result};
+use crate::data::{
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Table, parse_ground_truth,
+    parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
+};
+use crate::error::{Error, ErrorKind, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
 
+/// How points are read from recordings, and which of them count.
+#[derive(Debug, Args)]
+pub(super) struct TruthArguments {
+    /// Order of coordinates in a recording's points: xy or yx; default: what the file says, else xy
+    #[arg(long, value_name = "ORDER")]
+    axis_order: Option<AxisOrder>,
+    /// Only these objects of the ground truth, in this order (e.g. cube,target,eef); default: all
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    objects: Vec<String>,
+}
+
+impl TruthArguments {
+    /// The ground truth of `truth`, or the one that lies with the frames at `path`; None where there is none.
+    pub fn find(
+        &self,
+        truth: Option<&Path>,
+        path: &Path,
+        frames: &dyn FrameSource,
+    ) -> Result<Option<GroundTruth>> {
+        let beside = path.join("ground_truth.csv");
+        let found = match (truth, frames.truth()) {
+            (Some(truth), _) => self.read(truth)?,
+            (None, Some(own)) => {
+                tell(path, frames.notices());
+                self.select(own.clone())?
+            }
+            (None, None) if beside.is_file() => self.read(&beside)?,
+            (None, None) => return Ok(None),
+        };
+        Ok(Some(found))
+    }
+
+    /// As [`TruthArguments::find`], where `purpose` needs one.
+    pub fn need(
+        &self,
+        truth: Option<&Path>,
+        path: &Path,
+        frames: &dyn FrameSource,
+        purpose: &str,
+    ) -> Result<GroundTruth> {
+        self.find(truth, path, frames)?.ok_or_else(|| {
+            Error::new(
+                ErrorKind::Io,
+                format!(
+                    "no ground truth lies with the frames, and {purpose} needs one; expected a file ground_truth.csv in \
+                     a folder, an array `keypoints` or `sites` in a recording, or --truth GT.csv"
+                ),
+            )
+            .at(path.display())
+        })
+    }
+
+    /// Reads a table, or the points of a recording.
+    pub fn read(&self, path: &Path) -> Result<GroundTruth> {
+        let table = match Format::of(path)? {
+            Format::Npz => parse_npz_ground_truth(&read(path)?, &path.to_string_lossy(), self.axis_order)?,
+            Format::Hdf5 => {
+                read_hdf5_ground_truth(open(path)?, self.axis_order).map_err(|e| e.at(path.display()))?
+            }
+            Format::Other => parse_ground_truth(&read(path)?, &path.to_string_lossy())?,
+        };
+        self.select(told(table, path))
+    }
+
+    fn select(&self, truth: GroundTruth) -> Result<GroundTruth> {
+        match self.objects[..] {
+            [] => Ok(truth),
+            _ => truth.select(&self.objects),
+        }
+    }
+
+    /// Opens a folder of images or a recording; says what is left out.
+    pub fn open(&self, path: &Path) -> Result<Arc<dyn FrameSource>> {
+        if path.is_dir() {
+            let folder = Folder::open(path)?;
+            let ignored = folder.ignored();
+            if let Some(first) = ignored.first() {
+                let more = if ignored.len() > 1 { ", …" } else { "" };
+                eprintln!(
+                    "note: {} file(s) that are no images are left out: {}{more}",
+                    ignored.len(),
+                    first.display()
+                );
+            }
+            return Ok(Arc::new(folder));
+        }
+        let recording = match Format::of(path)? {
+            Format::Npz => Recording::from_npz(BufReader::new(open(path)?), self.axis_order),
+            Format::Hdf5 => Recording::from_hdf5_file(open(path)?, self.axis_order),
+            Format::Other => Err(Error::input(
+                "neither a folder nor a recording; expected a folder of images, an NPZ or an HDF5 file",
+            )),
+        };
+        let recording = recording.map_err(|e| e.at(path.display()))?;
+        Ok(Arc::new(Placed {
+            place: path.display().to_string(),
+            recording,
+        }))
+    }
+}
+
+/// A recording whose errors name its file.
+struct Placed {
+    place: String,
+    recording: Recording,
+}
+
+impl FrameSource for Placed {
+    fn index(&self) -> &FrameIndex {
+        self.recording.index()
+    }
+
+    fn read(&self, i: usize) -> Result<Frame> {
+        self.recording.read(i).map_err(|e| e.at(&self.place))
+    }
+
+    fn truth(&self) -> Option<&GroundTruth> {
+        self.recording.truth()
+    }
+
+    fn notices(&self) -> &[String] {
+        self.recording.notices()
+    }
+
+    fn has_floats(&self) -> bool {
+        self.recording.has_floats()
+    }
+}
+
+/// What a file is, by its first bytes.
+enum Format {
+    Npz,
+    Hdf5,
+    Other,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self> {
+        let mut head = Vec::new();
+        open(path)?
+            .take(8)
+            .read_to_end(&mut head)
+            .map_err(|e| Error::io(path.display(), &e))?;
+        Ok(match head {
+            _ if head.starts_with(NPZ_MAGIC) => Self::Npz,
+            _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
+            _ => Self::Other,
+        })
+    }
+}
+
 /// The frames of a folder.
-pub(super) struct Folder {
-    pub index: FrameIndex,
+struct Folder {
+    index: FrameIndex,
     paths: Vec<PathBuf>,
+}
+
+impl FrameSource for Folder {
+    fn index(&self) -> &FrameIndex {
+        &self.index
+    }
+
+    fn read(&self, i: usize) -> Result<Frame> {
+        let path = &self.paths[self.index.order()[i]];
+        Frame::decode(&read(path)?).map_err(|e| e.at(path.display()))
+    }
 }
 
 impl Folder {
     /// Finds the frames below `folder`: one folder a sequence, or the images of the folder itself.
-    pub fn open(folder: &Path) -> Result<Self> {
+    fn open(folder: &Path) -> Result<Self> {
         let mut paths = Vec::new();
         walk(folder, DEPTH, &mut paths)?;
         // With the folder's own name: images that lie in it directly are the sequence of that name.
@@ -39,23 +209,10 @@ impl Folder {
         Ok(Self { index, paths })
     }
 
-    /// The path of frame `i`, in order.
-    pub fn path(&self, i: usize) -> &Path {
-        &self.paths[self.index.order()[i]]
-    }
-
-    /// The files that are no images.
-    pub fn ignored(&self) -> Vec<&Path> {
-        self.index
-            .ignored()
-            .iter()
-            .map(|i| self.paths[*i].as_path())
-            .collect()
-    }
-
-    /// The number of frames.
-    pub fn len(&self) -> usize {
-        self.index.keys().len()
+    /// The files that are neither images nor the ground truth.
+    fn ignored(&self) -> Vec<&Path> {
+        let paths = self.index.ignored().iter().map(|i| self.paths[*i].as_path());
+        paths.filter(|path| !path.ends_with("ground_truth.csv")).collect()
     }
 }
 
@@ -81,18 +238,18 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| Error::io(path.display(), &e))
 }
 
-pub(super) fn read_ground_truth(path: &Path) -> Result<GroundTruth> {
-    Ok(told(
-        parse_ground_truth(&read(path)?, &path.to_string_lossy())?,
-        path,
-    ))
+fn open(path: &Path) -> Result<File> {
+    File::open(path).map_err(|e| Error::io(path.display(), &e))
 }
 
-pub(super) fn read_keypoints(path: &Path) -> Result<KeypointTrack> {
-    Ok(told(
-        parse_keypoints(&read(path)?, &path.to_string_lossy())?,
-        path,
-    ))
+/// Reads keypoints: a table, or the points of an NPZ file.
+pub(super) fn read_keypoints(path: &Path, arguments: &TruthArguments) -> Result<KeypointTrack> {
+    let (bytes, name) = (read(path)?, path.to_string_lossy());
+    let table = match bytes.starts_with(NPZ_MAGIC) {
+        true => parse_npz_keypoints(&bytes, &name, arguments.axis_order)?,
+        false => parse_keypoints(&bytes, &name)?,
+    };
+    Ok(told(table, path))
 }
 
 pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
@@ -100,8 +257,12 @@ pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
 }
 
 fn told<T>(table: Table<T>, path: &Path) -> T {
-    for notice in &table.notices {
+    tell(path, &table.notices);
+    table.content
+}
+
+fn tell(path: &Path, notices: &[String]) {
+    for notice in notices {
         eprintln!("note: {}: {notice}", path.display());
     }
-    table.content
 }

@@ -1,5 +1,6 @@
 //! The terminal face: parse arguments, read files, call, show.
 
+mod data;
 mod extract;
 mod files;
 mod score;
@@ -28,11 +29,14 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 reading or writing failed, 2 wro
 enum Command {
     /// Score a keypoint table against a ground-truth table.
     Score(score::ScoreArguments),
-    /// Extract keypoints from a folder of image sequences into a CSV table.
+    /// Look into a data set, or convert it.
+    #[command(subcommand)]
+    Data(data::DataCommand),
+    /// Extract keypoints from image sequences into a CSV table.
     Extract(extract::ExtractArguments),
     /// Extract and score in one go.
     Eval(extract::EvalArguments),
-    /// Train a spatial autoencoder on a folder of image sequences.
+    /// Train a spatial autoencoder on image sequences.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArguments>),
 }
@@ -42,6 +46,7 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let done = match arguments.command {
         Command::Score(arguments) => score::run(&arguments),
+        Command::Data(command) => data::run(&command),
         Command::Extract(arguments) => extract::run(&arguments),
         Command::Eval(arguments) => extract::run_eval(&arguments),
         #[cfg(feature = "train")]

@@ -7,7 +7,7 @@ use clap::Args;
 use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
-use super::files;
+use super::files::{self, TruthArguments};
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::{EvaluationReport, JoinReport};
@@ -16,12 +16,15 @@ use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArguments {
-    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down)
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down), or a
+    /// recording (.npz, .hdf5)
     #[arg(long, value_name = "GT.csv")]
     truth: PathBuf,
-    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0)
+    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0), or an NPZ file
     #[arg(long, value_name = "KP.csv")]
     keypoints: PathBuf,
+    #[command(flatten)]
+    reading: TruthArguments,
     #[command(flatten)]
     scoring: ScoringArguments,
 }
@@ -81,8 +84,8 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 }
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
-    let truth = files::read_ground_truth(&arguments.truth)?;
-    let keypoints = files::read_keypoints(&arguments.keypoints)?;
+    let truth = arguments.reading.read(&arguments.truth)?;
+    let keypoints = files::read_keypoints(&arguments.keypoints, &arguments.reading)?;
     arguments.scoring.score(&truth, &keypoints, None)
 }
 

@@ -7,9 +7,9 @@ use clap::Args;
 use serde::de::DeserializeOwned;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
-use super::files::{self, Folder};
+use super::files::TruthArguments;
 use crate::checkpoint::SaeConfig;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::fresh_weights;
@@ -17,12 +17,18 @@ use crate::train::{Dataset, Existing, Split, TargetFilter, TrainConfig, Validati
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
-    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP)
-    #[arg(long, value_name = "DIR")]
+    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz, .hdf5)
+    #[arg(long, value_name = "PATH")]
     data: PathBuf,
-    /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder
+    /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder, or the points of the
+    /// recording
     #[arg(long, value_name = "GT.csv")]
     truth: Option<PathBuf>,
+    #[command(flatten)]
+    reading: TruthArguments,
+    /// Memory for decoded frames, e.g. 512MiB or 16GiB; what does not fit is decoded again whenever it is needed
+    #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes)]
+    cache: u64,
     /// Architecture: basic, basic-kp32, dsae, keynet; basic and keynet with any of -vel, -std, -bg (e.g.
     /// keynet-vel-std-bg)
     #[arg(long, value_name = "NAME", default_value = "basic", value_parser = SaeConfig::named)]
@@ -144,6 +150,18 @@ impl SizeArguments {
     }
 }
 
+/// A number of bytes, with a unit of 1024 or none.
+fn parse_bytes(text: &str) -> Result<u64> {
+    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40), ("", 0)];
+    let found = units.iter().find_map(|(unit, bits)| {
+        let number: f64 = text.strip_suffix(unit)?.trim().parse().ok()?;
+        (0.0..1e6)
+            .contains(&number)
+            .then_some((number * f64::from(*bits).exp2()) as u64)
+    });
+    found.ok_or_else(|| Error::input(format!("`{text}` is no size; expected e.g. 512MiB or 4GiB")))
+}
+
 impl TrainArguments {
     fn config(&self) -> TrainConfig {
         TrainConfig {
@@ -173,22 +191,16 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
             .build_global()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
     }
-    let truth = arguments
-        .truth
-        .clone()
-        .unwrap_or_else(|| arguments.data.join("ground_truth.csv"));
-    let truth = files::read_ground_truth(&truth).map_err(|e| match e.kind() {
-        ErrorKind::Io => Error::new(
-            ErrorKind::Io,
-            format!("{e}; the metric of every epoch needs a ground truth, --truth GT.csv names another file"),
-        ),
-        _ => e,
-    })?;
-    let folder = Folder::open(&arguments.data)?;
+    let frames = arguments.reading.open(&arguments.data)?;
+    let truth = arguments.reading.need(
+        arguments.truth.as_deref(),
+        &arguments.data,
+        &*frames,
+        "the metric of every epoch",
+    )?;
     let cancel = cancel_on_interrupt()?;
-    let read = |i: usize| Ok((folder.path(i).display().to_string(), files::read(folder.path(i))?));
-    eprintln!("reading {} frames", folder.len());
-    let dataset = Dataset::load(&folder.index, read, &truth, &config.sae, &cancel)?;
+    eprintln!("reading {} frames", frames.index().keys().len());
+    let dataset = Dataset::load(frames, &truth, &config, arguments.cache, &cancel)?;
     for notice in &dataset.notices {
         eprintln!("note: {notice}");
     }

@@ -88,6 +88,15 @@ impl FrameIndex {
         Ok(Self { keys, order, ignored })
     }
 
+    /// An index of frames that are in order already and are no files.
+    pub(super) fn of_keys(keys: Vec<FrameKey>) -> Self {
+        Self {
+            order: (0..keys.len()).collect(),
+            keys,
+            ignored: Vec::new(),
+        }
+    }
+
     /// The frames in order.
     pub fn keys(&self) -> &[FrameKey] {
         &self.keys

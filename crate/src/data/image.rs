@@ -1,8 +1,10 @@
 //! Encoded images to pixels.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 
-use ::image::{ImageDecoder, ImageReader, Limits};
+use ::image::codecs::png::PngEncoder;
+use ::image::{ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageReader, Limits};
 
 use super::resize::{Filter, resize_planar};
 use crate::error::{Error, Result};
@@ -13,28 +15,73 @@ pub const MIN_SIDE: u32 = 16;
 /// The largest side of a frame, in pixels.
 pub const MAX_SIDE: u32 = 8192;
 
-/// A decoded frame, 8 bits a channel, RGB.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// How far a float may lie outside [0, 1], from rounding or resampling.
+pub const OVERSHOOT: f32 = 1e-3;
+
+/// A decoded frame, RGB: 8 bits a channel, as images have, or floats in [0, 1], as recordings may have.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     width: u32,
     height: u32,
-    rgb: Vec<u8>,
+    pixels: Pixels,
+}
+
+/// Pixels row by row, red, green and blue together.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pixels {
+    /// 0 to 255.
+    Bytes(Vec<u8>),
+    /// 0 to 1, not quantised; resampling may have overshot by [`OVERSHOOT`].
+    Floats(Vec<f32>),
+}
+
+impl Pixels {
+    fn len(&self) -> usize {
+        match self {
+            Self::Bytes(bytes) => bytes.len(),
+            Self::Floats(floats) => floats.len(),
+        }
+    }
 }
 
 impl Frame {
     /// A frame from `width * height * 3` bytes, row by row.
     ///
     /// # Errors
-    /// When the number of bytes is another one.
+    /// As [`Frame::from_pixels`].
     pub fn new(width: u32, height: u32, rgb: Vec<u8>) -> Result<Self> {
+        Self::from_pixels(width, height, Pixels::Bytes(rgb))
+    }
+
+    /// A frame from `width * height * 3` values, row by row.
+    ///
+    /// # Errors
+    /// When the number of values is another one, or a float is not within [0, 1] (give or take [`OVERSHOOT`]).
+    pub fn from_pixels(width: u32, height: u32, pixels: Pixels) -> Result<Self> {
         let expected = width as usize * height as usize * 3;
-        if rgb.len() != expected {
+        if pixels.len() != expected {
             return Err(Error::input(format!(
-                "{} bytes for a frame of {width} x {height}; expected {expected}",
-                rgb.len()
+                "{} values for a frame of {width} x {height}; expected {expected}",
+                pixels.len()
             )));
         }
-        Ok(Self { width, height, rgb })
+        if let Pixels::Floats(floats) = &pixels
+            && let Some(at) = floats
+                .iter()
+                .position(|v| !(-OVERSHOOT..=1.0 + OVERSHOOT).contains(v))
+        {
+            return Err(Error::input(format!(
+                "the value {} of pixel ({}, {}) is not within 0 to 1; expected floats in that range, or 8-bit integers",
+                floats[at],
+                at / 3 % width as usize,
+                at / 3 / width as usize
+            )));
+        }
+        Ok(Self {
+            width,
+            height,
+            pixels,
+        })
     }
 
     /// Decodes a PNG, JPEG or WebP image, recognised by its content. Grey becomes RGB, transparency is dropped,
@@ -83,25 +130,51 @@ impl Frame {
         self.height
     }
 
-    /// The pixels, row by row, 3 bytes each.
-    pub fn rgb(&self) -> &[u8] {
-        &self.rgb
+    /// The pixels.
+    pub fn pixels(&self) -> &Pixels {
+        &self.pixels
+    }
+
+    /// The pixels in 8 bits, row by row, 3 bytes each. Floats are rounded, which changes them by 1/510 at most.
+    pub fn rgb(&self) -> Cow<'_, [u8]> {
+        match &self.pixels {
+            Pixels::Bytes(bytes) => Cow::Borrowed(bytes),
+            Pixels::Floats(floats) => floats.iter().map(|v| (v * 255.0).round() as u8).collect(),
+        }
+    }
+
+    /// The frame as a PNG image, see [`Frame::rgb`].
+    ///
+    /// # Errors
+    /// When the encoder fails, which it does not on a whole frame.
+    pub fn to_png(&self) -> Result<Vec<u8>> {
+        let mut png = Vec::new();
+        PngEncoder::new(&mut png)
+            .write_image(&self.rgb(), self.width, self.height, ExtendedColorType::Rgb8)
+            .map_err(|e| Error::input(format!("no PNG image can be made of the frame: {e}")))?;
+        Ok(png)
     }
 
     /// The frame as planes of red, green and blue in [0, 1], 3 x height x width, resized to `[width, height]`
     /// with `filter` where that differs.
     pub fn to_planar(&self, size: Option<[usize; 2]>, filter: Filter) -> Vec<f32> {
-        let pixels = self.width as usize * self.height as usize;
-        let mut planar = vec![0.0; 3 * pixels];
-        for (i, pixel) in self.rgb.chunks_exact(3).enumerate() {
-            for (channel, value) in pixel.iter().enumerate() {
-                planar[channel * pixels + i] = f32::from(*value) / 255.0;
-            }
-        }
+        let planar = match &self.pixels {
+            Pixels::Bytes(bytes) => planes(bytes, |v| f32::from(v) / 255.0),
+            Pixels::Floats(floats) => planes(floats, |v| v),
+        };
         let own = [self.width as usize, self.height as usize];
         match size {
             Some(size) if size != own => resize_planar(&planar, own, size, filter),
             _ => planar,
         }
     }
+}
+
+/// Interleaved values as planes.
+pub(crate) fn planes<T: Copy, U>(interleaved: &[T], value: impl Fn(T) -> U) -> Vec<U> {
+    let mut planes = Vec::with_capacity(interleaved.len());
+    for channel in 0..3 {
+        planes.extend(interleaved.chunks_exact(3).map(|pixel| value(pixel[channel])));
+    }
+    planes
 }

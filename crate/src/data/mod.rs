@@ -1,19 +1,33 @@
-//! Tables, images and sequences, parsed from bytes: the same code serves a dropped file and a folder on disk.
+//! Tables, images, sequences and recordings, parsed from bytes: the same code serves a dropped file and a folder on disk.
 
 mod classify;
 mod frames;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod image;
 mod join;
+mod npz;
+mod recording;
 mod resize;
+mod source;
 mod split;
 mod table;
 
 pub use classify::{Classification, Role, classify};
 pub use frames::{FrameIndex, SequenceRange, ranges};
-pub use image::{Frame, MAX_SIDE, MIN_SIDE};
+#[cfg(feature = "hdf5")]
+pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth};
+#[cfg(feature = "train")]
+pub(crate) use image::planes;
+pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Join, join};
+pub use npz::{NPZ_MAGIC, NpzWriter, parse_npz_ground_truth, parse_npz_keypoints};
+pub use recording::{AxisOrder, Recording};
 pub use resize::{Filter, resize_planar};
+#[cfg(any(feature = "cli", feature = "train"))]
+pub(crate) use source::BLOCK;
+pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, numpy_permutation};
 #[cfg(feature = "report")]
 pub(crate) use table::quote_csv;
-pub use table::{Table, keypoints_csv, parse_ground_truth, parse_keypoints};
+pub use table::{Table, ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints};

@@ -51,14 +51,10 @@ pub fn parse_ground_truth(bytes: &[u8], name: &str) -> Result<Table<GroundTruth>
         ))
         .at(format!("{name}: line {}", row.line)));
     }
-    let missing = points.outer_iter().map(|frame| hidden(&frame)).sum::<usize>();
-    if missing > 0 {
-        notices.push(format!(
-            "{missing} of {} positions are missing: the object counts as not visible in that frame",
-            keys.len() * objects.len()
-        ));
-    }
-    notices.extend(unit_notice(&points));
+    notices.extend(point_notices(
+        &points,
+        "positions are missing: the object counts as not visible in that frame",
+    ));
     let content = GroundTruth::new(keys, objects, points).map_err(|e| e.at(name))?;
     Ok(Table { content, notices })
 }
@@ -90,16 +86,17 @@ pub fn parse_keypoints(bytes: &[u8], name: &str) -> Result<Table<KeypointTrack>>
     }
     let (keys, points, mut notices) =
         arrange(&rows, count, |n| format!("keypoint {n}")).map_err(|e| e.at(name))?;
-    let missing = points.outer_iter().map(|frame| hidden(&frame)).sum::<usize>();
-    if missing > 0 {
-        notices.push(format!(
-            "{missing} of {} keypoints are missing or not finite",
-            keys.len() * count
-        ));
-    }
-    notices.extend(unit_notice(&points));
+    notices.extend(point_notices(&points, "keypoints are missing or not finite"));
     let content = KeypointTrack::new(keys, points).map_err(|e| e.at(name))?;
     Ok(Table { content, notices })
+}
+
+/// How many points are missing, in the words of `missing`, and what looks like another unit than ndc.
+pub(super) fn point_notices(points: &Array3<f64>, missing: &str) -> Vec<String> {
+    let hidden: usize = points.outer_iter().map(|frame| hidden(&frame)).sum();
+    let (frames, count, _) = points.dim();
+    let notice = (hidden > 0).then(|| format!("{hidden} of {} {missing}", frames * count));
+    notice.into_iter().chain(unit_notice(points)).collect()
 }
 
 /// What looks like another unit than ndc.
@@ -127,6 +124,25 @@ pub fn keypoints_csv(track: &KeypointTrack) -> String {
         for (n, point) in points.rows().into_iter().enumerate() {
             // Writing to a String cannot fail.
             let _ = writeln!(out, "{sequence},{},{n},{},{}", key.frame, point[0], point[1]);
+        }
+    }
+    out
+}
+
+/// A ground-truth table as CSV, with every digit needed to read the same numbers again; x and y are empty where an
+/// object is not visible.
+pub fn ground_truth_csv(truth: &GroundTruth) -> String {
+    use std::fmt::Write as _;
+    let mut out = String::from("sequence,frame,object,x,y\n");
+    for (key, points) in truth.keys().iter().zip(truth.points_ndc().outer_iter()) {
+        let sequence = quote_csv(&key.sequence);
+        for (name, point) in truth.names().iter().zip(points.rows()) {
+            let name = quote_csv(name);
+            // Writing to a String cannot fail.
+            let _ = match point.iter().all(|v| v.is_finite()) {
+                true => writeln!(out, "{sequence},{},{name},{},{}", key.frame, point[0], point[1]),
+                false => writeln!(out, "{sequence},{},{name},,", key.frame),
+            };
         }
     }
     out

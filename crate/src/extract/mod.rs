@@ -17,7 +17,7 @@ pub struct Extraction {
     pub image_size: [u32; 2],
 }
 
-/// Extracts keypoints from encoded images.
+/// Extracts keypoints from images.
 pub trait Extractor {
     /// The number of keypoints N.
     fn keypoints(&self) -> usize;
@@ -29,7 +29,15 @@ pub trait Extractor {
     ///
     /// # Errors
     /// When the image cannot be decoded or the keypoints are not finite.
-    fn extract(&mut self, image: &[u8]) -> Result<Extraction>;
+    fn extract(&mut self, image: &[u8]) -> Result<Extraction> {
+        self.extract_frame(&Frame::decode(image)?)
+    }
+
+    /// Extracts the keypoints of a decoded frame.
+    ///
+    /// # Errors
+    /// When the keypoints are not finite.
+    fn extract_frame(&mut self, frame: &Frame) -> Result<Extraction>;
 }
 
 /// An [`Extractor`] on the CPU engine: a shared encoder and a workspace of its own.
@@ -72,9 +80,8 @@ impl<E: std::borrow::Borrow<Encoder>> Extractor for CpuExtractor<E> {
         self.encoder().grid(image_size)
     }
 
-    fn extract(&mut self, image: &[u8]) -> Result<Extraction> {
-        let frame = Frame::decode(image)?;
-        let points = self.encoder.borrow().extract(&mut self.workspace, &frame)?;
+    fn extract_frame(&mut self, frame: &Frame) -> Result<Extraction> {
+        let points = self.encoder.borrow().extract(&mut self.workspace, frame)?;
         Ok(Extraction {
             points,
             image_size: [frame.width(), frame.height()],

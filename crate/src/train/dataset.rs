@@ -1,20 +1,27 @@
-//! Decoded sequences.
+//! Sequences of frames, decoded as often as needed.
+
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use ndarray::{Array3, ArrayView2, Axis};
 use rayon::prelude::*;
 
-use super::SNIPPET;
-use crate::checkpoint::SaeConfig;
-use crate::data::{self, Filter, FrameIndex};
+use super::{SNIPPET, TargetFilter, TrainConfig};
+use crate::data::{self, BLOCK, Filter, FrameSource, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
 use crate::track::GroundTruth;
 
-/// Sequences of decoded frames with their ground truth.
+/// What decoded frames may take in memory unless told otherwise, in bytes: 4 GiB.
+pub const DEFAULT_CACHE: u64 = 4 << 30;
+
+/// Sequences of frames with their ground truth.
 ///
-/// Everything is in memory: an input takes 1 byte a channel where frames have the encoder's input size, 4 bytes where
-/// they are resized; a target takes 4.
-#[derive(Debug, Clone, PartialEq)]
+/// Decoded frames are kept in memory up to a budget: an input takes 1 byte a channel where frames are images of the
+/// encoder's input size, 4 bytes where they are floats or resized; a target takes 4. The others are read and decoded
+/// again whenever they are needed; the numbers are the same.
+#[derive(Debug, Clone)]
 pub struct Dataset {
     /// The sequences, each of at least [`SNIPPET`] frames.
     pub sequences: Vec<Sequence>,
@@ -27,43 +34,146 @@ pub struct Dataset {
 }
 
 /// One sequence.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Sequence {
     /// Its name.
     pub name: String,
-    frames: Vec<Decoded>,
+    frames: Arc<Frames>,
+    /// The position of its first frame among all.
+    start: usize,
     /// T x K x 2, ndc; NaN where an object is not visible or has no row.
     truth_ndc: Array3<f64>,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+/// The frames of all sequences.
+struct Frames {
+    decoder: Decoder,
+    kept: Vec<Option<Decoded>>,
+}
+
+/// How frames become inputs and targets.
+struct Decoder {
+    source: Arc<dyn FrameSource>,
+    input_size: Option<[usize; 2]>,
+    target_size: [usize; 2],
+    target_filter: Filter,
+}
+
 struct Decoded {
-    input: Pixels,
+    input: Input,
     target: Vec<f32>,
 }
 
 /// Planes of red, green and blue.
-#[derive(Debug, Clone, PartialEq)]
-enum Pixels {
+enum Input {
     Bytes(Vec<u8>),
     Floats(Vec<f32>),
 }
 
+impl Decoder {
+    /// Frame `i` with the size of its input.
+    fn decode(&self, i: usize) -> Result<([usize; 2], Decoded)> {
+        let frame = self.source.read(i)?;
+        let own = [frame.width() as usize, frame.height() as usize];
+        let size = self.input_size.unwrap_or(own);
+        let input = match frame.pixels() {
+            data::Pixels::Bytes(bytes) if size == own => Input::Bytes(planes(bytes, |v| v)),
+            _ => Input::Floats(frame.to_planar(Some(size), Filter::BilinearAntialias)),
+        };
+        let target = frame.to_planar(Some(self.target_size), self.target_filter);
+        Ok((size, Decoded { input, target }))
+    }
+}
+
+impl Decoded {
+    fn bytes(&self) -> u64 {
+        let input = match &self.input {
+            Input::Bytes(bytes) => bytes.len(),
+            Input::Floats(floats) => 4 * floats.len(),
+        };
+        (input + 4 * self.target.len()) as u64
+    }
+}
+
+impl Frames {
+    /// Decodes every frame once, so that one that cannot be read is found before the training, and keeps as many as
+    /// `cache` bytes hold. Also returns the size of the inputs.
+    fn load(decoder: Decoder, cache: u64, cancel: &Cancel) -> Result<(Self, [usize; 2])> {
+        let keys = decoder.source.index().keys();
+        let taken = AtomicU64::new(0);
+        let decode = |i: usize| -> Result<([usize; 2], Option<Decoded>)> {
+            cancel.check()?;
+            let (size, decoded) = decoder.decode(i)?;
+            let bytes = decoded.bytes();
+            let before = taken.fetch_add(bytes, Ordering::Relaxed);
+            Ok((size, (before + bytes <= cache).then_some(decoded)))
+        };
+        let (mut kept, mut input_size) = (Vec::with_capacity(keys.len()), None);
+        for start in (0..keys.len()).step_by(BLOCK) {
+            let block = start..(start + BLOCK).min(keys.len());
+            let decoded: Vec<_> = block.into_par_iter().map(decode).collect::<Result<_>>()?;
+            for (i, (size, decoded)) in decoded.into_iter().enumerate() {
+                let first = *input_size.get_or_insert(size);
+                if size != first {
+                    return Err(Error::mismatch(format!(
+                        "{}: the frame is {size:?}, the first one {first:?}; expected one size, or give an input size",
+                        keys[start + i]
+                    )));
+                }
+                kept.push(decoded);
+            }
+        }
+        let input_size = input_size.ok_or_else(|| Error::input("there are no frames"))?;
+        Ok((Self { decoder, kept }, input_size))
+    }
+
+    /// Writes the input and the target of frame `i`.
+    fn write(&self, i: usize, input: &mut [f32], target: &mut [f32]) -> Result<()> {
+        let again;
+        let decoded = match &self.kept[i] {
+            Some(kept) => kept,
+            None => {
+                again = self.decoder.decode(i)?.1;
+                &again
+            }
+        };
+        match &decoded.input {
+            Input::Bytes(bytes) => {
+                for (value, byte) in input.iter_mut().zip(bytes) {
+                    *value = f32::from(*byte) / 255.0;
+                }
+            }
+            Input::Floats(floats) => input.copy_from_slice(floats),
+        }
+        target.copy_from_slice(&decoded.target);
+        Ok(())
+    }
+}
+
+impl fmt::Debug for Frames {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kept = self.kept.iter().flatten().count();
+        write!(f, "Frames({kept} of {} kept)", self.kept.len())
+    }
+}
+
 impl Dataset {
-    /// Decodes the frames of `index`, whose encoded bytes `read` gives, and joins them to `truth`.
+    /// Decodes the frames of `source`, joins them to `truth`, and keeps decoded frames up to `cache` bytes
+    /// ([`DEFAULT_CACHE`]).
     ///
     /// Inputs are resized with antialiasing to the configured input size (none: every frame must have the size of the
-    /// first), targets without, as the authors' torchvision does.
+    /// first), targets as configured.
     ///
     /// # Errors
     /// When a frame cannot be read, sizes differ, no frame has a row, or no sequence is long enough.
     pub fn load(
-        index: &FrameIndex,
-        read: impl Fn(usize) -> Result<(String, Vec<u8>)> + Sync,
+        source: Arc<dyn FrameSource>,
         truth: &GroundTruth,
-        config: &SaeConfig,
+        config: &TrainConfig,
+        cache: u64,
         cancel: &Cancel,
     ) -> Result<Self> {
+        let index = source.index().clone();
         let join = data::join(index.keys(), truth.keys())?;
         let mut notices = join.rules.clone();
         if !join.unmatched_left.is_empty() {
@@ -76,42 +186,30 @@ impl Dataset {
         for (frame, row) in join.pairs {
             row_of[frame] = Some(row);
         }
-        let decode = |i: usize| -> Result<([usize; 2], Decoded)> {
-            cancel.check()?;
-            let (name, bytes) = read(i)?;
-            let frame = data::Frame::decode(&bytes).map_err(|e| e.at(name))?;
-            let own = [frame.width() as usize, frame.height() as usize];
-            let input = match config.input_size {
-                Some(size) if size != own => {
-                    Pixels::Floats(frame.to_planar(Some(size), Filter::BilinearAntialias))
-                }
-                _ => Pixels::Bytes(
-                    (0..3)
-                        .flat_map(|c| frame.rgb().iter().skip(c).step_by(3))
-                        .copied()
-                        .collect(),
-                ),
-            };
-            let target = frame.to_planar(Some(config.target_size), Filter::Bilinear);
-            Ok((config.input_size.unwrap_or(own), Decoded { input, target }))
+        let decoder = Decoder {
+            source,
+            input_size: config.sae.input_size,
+            target_size: config.sae.target_size,
+            target_filter: match config.target_filter {
+                TargetFilter::Bilinear => Filter::Bilinear,
+                TargetFilter::BilinearAntialias => Filter::BilinearAntialias,
+            },
         };
-        let decoded: Vec<_> = (0..index.keys().len())
-            .into_par_iter()
-            .map(decode)
-            .collect::<Result<_>>()?;
-        let input_size = decoded[0].0;
-        if let Some(i) = decoded.iter().position(|(size, _)| *size != input_size) {
-            return Err(Error::mismatch(format!(
-                "{}: the frame is {:?}, the first one {input_size:?}; expected one size, or give an input size",
-                index.keys()[i],
-                decoded[i].0
-            )));
+        let (frames, input_size) = Frames::load(decoder, cache, cancel)?;
+        let again = frames.kept.iter().filter(|kept| kept.is_none()).count();
+        if again > 0 {
+            notices.push(format!(
+                "{again} of {} decoded frames do not fit the cache of {:.1} GiB: they are read and decoded again \
+                 whenever they are needed",
+                frames.kept.len(),
+                cache as f64 / f64::from(1 << 30)
+            ));
         }
-        let mut frames = decoded.into_iter().map(|(_, frame)| frame);
+        let frames = Arc::new(frames);
+
         let mut sequences = Vec::new();
         let mut short = 0;
         for range in index.sequences() {
-            let frames: Vec<Decoded> = frames.by_ref().take(range.length).collect();
             if range.length < SNIPPET {
                 short += 1;
                 continue;
@@ -124,7 +222,8 @@ impl Dataset {
             }
             sequences.push(Sequence {
                 name: range.name,
-                frames,
+                frames: Arc::clone(&frames),
+                start: range.start,
                 truth_ndc,
             });
         }
@@ -145,19 +244,28 @@ impl Dataset {
             notices,
         })
     }
-}
 
-impl Dataset {
-    /// Inputs and targets of frames, given by sequence and index, one after the other.
+    /// Inputs (3 x height x width in [0, 1] each) and targets of frames, given by sequence and index, one after the other;
+    /// frames that are not in memory are decoded side by side.
     ///
     /// # Errors
     /// When a frame cannot be read any more.
     pub fn gather(&self, frames: &[(&Sequence, usize)]) -> Result<(Vec<f32>, Vec<f32>)> {
-        let (mut inputs, mut targets) = (Vec::new(), Vec::new());
-        for (sequence, t) in frames {
-            sequence.push_input(*t, &mut inputs);
-            targets.extend_from_slice(sequence.target(*t));
-        }
+        let size = |[width, height]: [usize; 2]| 3 * width * height;
+        let Some((first, _)) = frames.first() else {
+            return Ok(Default::default());
+        };
+        let input = size(self.input_size);
+        let target = size(first.frames.decoder.target_size);
+        let mut inputs = vec![0.0; frames.len() * input];
+        let mut targets = vec![0.0; frames.len() * target];
+        inputs
+            .par_chunks_exact_mut(input)
+            .zip(targets.par_chunks_exact_mut(target))
+            .zip(frames)
+            .try_for_each(|((input, target), (sequence, t))| {
+                sequence.frames.write(sequence.start + t, input, target)
+            })?;
         Ok((inputs, targets))
     }
 }
@@ -165,30 +273,17 @@ impl Dataset {
 impl Sequence {
     /// The number of frames T.
     pub fn len(&self) -> usize {
-        self.frames.len()
+        self.truth_ndc.dim().0
     }
 
     /// Whether there is no frame.
     pub fn is_empty(&self) -> bool {
-        self.frames.is_empty()
+        self.len() == 0
     }
 
     /// The number of snippets: starts 0 to T - 3.
     pub fn snippets(&self) -> usize {
         (self.len() + 1).saturating_sub(SNIPPET)
-    }
-
-    /// Appends the input of frame `t`, 3 x height x width in [0, 1].
-    pub fn push_input(&self, t: usize, out: &mut Vec<f32>) {
-        match &self.frames[t].input {
-            Pixels::Bytes(bytes) => out.extend(bytes.iter().map(|b| f32::from(*b) / 255.0)),
-            Pixels::Floats(floats) => out.extend_from_slice(floats),
-        }
-    }
-
-    /// The target of frame `t`, 3 x height x width in [0, 1].
-    pub fn target(&self, t: usize) -> &[f32] {
-        &self.frames[t].target
     }
 
     /// K x 2, ndc; NaN where an object is not visible.

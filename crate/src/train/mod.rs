@@ -14,7 +14,7 @@ mod validation;
 
 pub use crate::data::Split;
 pub use config::{TargetFilter, TrainConfig, ValidationFrames};
-pub use dataset::{Dataset, Sequence};
+pub use dataset::{DEFAULT_CACHE, Dataset, Sequence};
 pub use run::{EpochLog, Existing, TrainSummary, train};
 pub use trainer::{Losses, Trainer};
 

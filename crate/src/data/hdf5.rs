@@ -1,0 +1,227 @@
+//! HDF5 files, as the authors' `record.py` and h5py write them.
+
+use std::fs::File;
+use std::sync::Arc;
+
+use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
+use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
+
+use super::recording::{self, ArrayFile, ArrayInfo, AxisOrder, Kind, Recording, Values};
+use super::table::Table;
+use crate::error::{Error, Result};
+use crate::track::GroundTruth;
+
+/// The first bytes of an HDF5 file.
+pub const HDF5_MAGIC: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
+
+/// What is kept of unpacked chunks at most. h5py's own choice of chunks for the paper's recording puts 63 sequences
+/// into a chunk, so that all frames of 63 sequences together (495 MB) have to be unpacked to read one sequence.
+const MAX_CHUNK_CACHE: u64 = 1 << 30;
+
+/// An image of [`MAX_SIDE`](super::MAX_SIDE) squared in f64; a guard against damaged files.
+const MAX_READ: usize = 8192 * 8192 * 3 * 8;
+
+impl Recording {
+    /// Frames, and points if there are any, of an HDF5 file in memory. `axes` is the order of the points' coordinates;
+    /// without it the file's attribute `save/format/y_first` decides, else it is (x, y).
+    ///
+    /// Points are named by an array of strings `names`, or by the attributes that the authors' `record.py` leaves:
+    /// the objects, then the links as `link_4`. Of PandaPush, `object` is called `cube` and link 11 `eef`, as in the
+    /// paper.
+    ///
+    /// # Errors
+    /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the message names the array.
+    pub fn from_hdf5_bytes(bytes: Vec<u8>, axes: Option<AxisOrder>) -> Result<Self> {
+        Self::from_storage(Arc::new(BytesStorage::new(bytes)), axes)
+    }
+
+    /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are asked for. Up to
+    /// 1 GiB of unpacked chunks are kept.
+    ///
+    /// # Errors
+    /// As [`Recording::from_hdf5_bytes`].
+    pub fn from_hdf5_file(file: File, axes: Option<AxisOrder>) -> Result<Self> {
+        Self::from_storage(
+            Arc::new(FileStorage::from_file(file).map_err(|e| broken(&e))?),
+            axes,
+        )
+    }
+
+    fn from_storage(storage: DynStorage, axes: Option<AxisOrder>) -> Result<Self> {
+        Self::new(Box::new(Hdf5::open(storage)?), axes)
+    }
+}
+
+/// Reads the points of an open HDF5 file as a ground truth; it need not have frames.
+///
+/// # Errors
+/// As [`Recording::from_hdf5_bytes`].
+pub fn read_hdf5_ground_truth(file: File, axes: Option<AxisOrder>) -> Result<Table<GroundTruth>> {
+    let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
+    recording::ground_truth(&Hdf5::open(Arc::new(storage))?, axes)
+}
+
+struct Hdf5 {
+    file: Hdf5File,
+}
+
+impl Hdf5 {
+    fn open(storage: DynStorage) -> Result<Self> {
+        let options = || OpenOptions::default().with_max_read_bytes(MAX_READ);
+        let open =
+            |options| Hdf5File::from_storage_with_options(storage.clone(), options).map_err(|e| broken(&e));
+        let file = open(options())?;
+        let (there, written) = (storage.len(), file.superblock().eof_address);
+        if there < written {
+            return Err(Error::input(format!(
+                "the HDF5 file has {there} bytes and was written with {written}; it was cut short"
+            )));
+        }
+        let bytes = ["images", "frames"]
+            .iter()
+            .filter_map(|name| chunks_of_a_sequence(&file, name))
+            .max()
+            .unwrap_or(0);
+        let bytes = bytes.clamp(1 << 26, MAX_CHUNK_CACHE) as usize;
+        let options = options()
+            .with_chunk_cache_bytes(bytes)
+            .with_chunk_cache_slots(1 << 20);
+        Ok(Self { file: open(options)? })
+    }
+}
+
+/// The bytes of all chunks that hold something of one sequence.
+fn chunks_of_a_sequence(file: &Hdf5File, name: &str) -> Option<u64> {
+    let dataset = file.dataset(name).ok()?;
+    let chunk = dataset.chunks()?;
+    let item = match dataset.dtype() {
+        Datatype::FixedPoint { size, .. } | Datatype::FloatingPoint { size, .. } => u64::from(*size),
+        _ => return None,
+    };
+    let whole = |(n, chunk): (&u64, &u32)| n.checked_next_multiple_of(u64::from(*chunk));
+    let first = u64::from(*chunk.first()?);
+    let mut axes = dataset.shape().iter().zip(&chunk).skip(1).map(whole);
+    axes.try_fold(item.checked_mul(first)?, |bytes, n| bytes.checked_mul(n?))
+}
+
+impl ArrayFile for Hdf5 {
+    fn names(&self) -> Result<Vec<String>> {
+        let names = self.file.root_group().and_then(|root| root.member_names());
+        names.map(|(_, datasets)| datasets).map_err(|e| broken(&e))
+    }
+
+    fn info(&self, name: &str) -> Result<Option<ArrayInfo>> {
+        if !self.names()?.iter().any(|n| n == name) {
+            return Ok(None);
+        }
+        let dataset = self.file.dataset(name).map_err(|e| unreadable(name, &e))?;
+        let (kind, dtype) = match dataset.dtype() {
+            Datatype::FixedPoint {
+                size: 1,
+                signed: false,
+                ..
+            } => (Some(Kind::U8), "uint8".to_owned()),
+            Datatype::FloatingPoint { size: 4, .. } => (Some(Kind::F32), "float32".to_owned()),
+            Datatype::FloatingPoint { size: 8, .. } => (Some(Kind::F64), "float64".to_owned()),
+            Datatype::FixedPoint { size, signed, .. } => {
+                let sign = if *signed { "" } else { "u" };
+                (None, format!("{sign}int{}", u16::from(*size) * 8))
+            }
+            Datatype::FloatingPoint { size, .. } => (None, format!("float{}", u16::from(*size) * 8)),
+            _ => (None, "no number".to_owned()),
+        };
+        Ok(Some(ArrayInfo {
+            shape: dataset.shape().to_vec(),
+            dtype,
+            kind,
+        }))
+    }
+
+    fn read(&self, name: &str, leading: &[u64]) -> Result<Values> {
+        let failed = |e| unreadable(name, &e);
+        let dataset = self.file.dataset(name).map_err(failed)?;
+        let mut selection = SliceInfo::all(dataset.ndim());
+        for (element, index) in selection.selections.iter_mut().zip(leading) {
+            *element = SliceInfoElem::Index(*index);
+        }
+        match self.info(name)?.and_then(|info| info.kind) {
+            Some(Kind::U8) => elements(&dataset, &selection).map(Values::U8),
+            Some(Kind::F32) => elements(&dataset, &selection).map(Values::F32),
+            Some(Kind::F64) => elements(&dataset, &selection).map(Values::F64),
+            None => return Err(Error::input(format!("`{name}` is of a type that is not read"))),
+        }
+        .map_err(failed)
+    }
+
+    fn axes(&self) -> Option<AxisOrder> {
+        // A boolean of h5py is an enumeration of one byte.
+        let attribute = self
+            .file
+            .root_group()
+            .ok()?
+            .attribute("save/format/y_first")
+            .ok()?;
+        match attribute.raw_data.first()? {
+            0 => Some(AxisOrder::Xy),
+            _ => Some(AxisOrder::Yx),
+        }
+    }
+
+    fn point_names(&self) -> Result<Option<Vec<String>>> {
+        if let Ok(names) = self.file.dataset("names") {
+            let names = names.read_strings();
+            return names
+                .map(Some)
+                .map_err(|e| Error::input(format!("`names` is no list of names ({e})")));
+        }
+        let root = self.file.root_group().map_err(|e| broken(&e))?;
+        let objects = root.attribute("environment/keypoints/objects");
+        let links = root.attribute("environment/keypoints/links");
+        let (Ok(objects), Ok(links)) = (
+            objects.and_then(|a| a.read_strings()),
+            links.and_then(|a| a.read_1d::<i64>()),
+        ) else {
+            return Ok(None);
+        };
+        let id = root.attribute("environment/id").and_then(|a| a.read_string());
+        let push = id.is_ok_and(|id| id.starts_with("PandaPush"));
+        let object = |name: String| {
+            if push && name == "object" {
+                "cube".to_owned()
+            } else {
+                name
+            }
+        };
+        let link = |n: i64| {
+            if push && n == 11 {
+                "eef".to_owned()
+            } else {
+                format!("link_{n}")
+            }
+        };
+        Ok(Some(
+            objects
+                .into_iter()
+                .map(object)
+                .chain(links.into_iter().map(link))
+                .collect(),
+        ))
+    }
+}
+
+fn elements<T: H5Type + Clone>(
+    dataset: &Dataset,
+    selection: &SliceInfo,
+) -> Result<Vec<T>, hdf5_reader::error::Error> {
+    Ok(dataset.read_slice::<T>(selection)?.into_iter().collect())
+}
+
+fn unreadable(name: &str, error: &hdf5_reader::error::Error) -> Error {
+    Error::input(format!(
+        "`{name}` cannot be read ({error}); is the file complete, and packed with gzip or not at all?"
+    ))
+}
+
+fn broken(error: &hdf5_reader::error::Error) -> Error {
+    Error::input(format!("not a whole HDF5 file ({error}); was it cut short?"))
+}

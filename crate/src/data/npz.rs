@@ -1,0 +1,423 @@
+//! NPZ files: numpy arrays (`.npy`) in a ZIP archive, read and written.
+
+use std::collections::BTreeMap;
+use std::io::{Cursor, Read, Seek, SeekFrom, Write};
+use std::sync::{Mutex, PoisonError};
+
+use zip::result::ZipError;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use super::recording::{self, ArrayFile, ArrayInfo, AxisOrder, Kind, Recording, Values};
+use super::table::Table;
+use crate::error::{Error, ErrorKind, Result};
+use crate::track::{GroundTruth, KeypointTrack};
+
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
+/// Longer than the header of any array of numbers; a guard against damaged files.
+const MAX_HEADER: u32 = 1 << 16;
+
+/// The first bytes of an NPZ file.
+pub const NPZ_MAGIC: &[u8; 4] = b"PK\x03\x04";
+
+impl Recording {
+    /// Frames, and points if there are any, of an NPZ file. `axes` is the order of the points' coordinates, where it
+    /// is known.
+    ///
+    /// `np.savez` stores arrays as they are: frames are then read one by one from the file. `np.savez_compressed` packs
+    /// them: they are unpacked into memory as a whole.
+    ///
+    /// # Errors
+    /// When the file is no whole NPZ file, or its arrays do not hold frames and points; the message names the array.
+    pub fn from_npz(reader: impl Read + Seek + Send + 'static, axes: Option<AxisOrder>) -> Result<Self> {
+        Self::new(Box::new(Npz::open(reader)?), axes)
+    }
+}
+
+/// Parses a ground truth from the array `keypoints` or `sites` of an NPZ file; an array `names` names the objects.
+/// `name` is the file's, for messages.
+///
+/// # Errors
+/// When there is no such array or it does not hold points; the message gives its shape and type.
+pub fn parse_npz_ground_truth(
+    bytes: &[u8],
+    name: &str,
+    axes: Option<AxisOrder>,
+) -> Result<Table<GroundTruth>> {
+    Npz::open(Cursor::new(bytes))
+        .and_then(|file| recording::ground_truth(&file, axes))
+        .map_err(|e| e.at(name))
+}
+
+/// Parses keypoints of a detector, as [`parse_npz_ground_truth`].
+///
+/// # Errors
+/// As [`parse_npz_ground_truth`].
+pub fn parse_npz_keypoints(
+    bytes: &[u8],
+    name: &str,
+    axes: Option<AxisOrder>,
+) -> Result<Table<KeypointTrack>> {
+    Npz::open(Cursor::new(bytes))
+        .and_then(|file| recording::keypoints(&file, axes))
+        .map_err(|e| e.at(name))
+}
+
+/// An open NPZ file.
+struct Npz<R> {
+    archive: Mutex<ZipArchive<R>>,
+    arrays: BTreeMap<String, Member>,
+}
+
+struct Member {
+    /// Position in the archive.
+    position: usize,
+    header: Header,
+    /// The unpacked elements, where the archive holds them packed: a packed stream has no way into its middle.
+    unpacked: Option<Vec<u8>>,
+}
+
+impl<R: Read + Seek + Send> Npz<R> {
+    fn open(reader: R) -> Result<Self> {
+        let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
+        let mut arrays = BTreeMap::new();
+        for position in 0..archive.len() {
+            let mut entry = archive.by_index(position).map_err(|e| broken(&e))?;
+            let Some(name) = entry.name().strip_suffix(".npy").map(str::to_owned) else {
+                continue;
+            };
+            let header = Header::read(&mut entry).map_err(|e| e.at(format!("`{name}`")))?;
+            let short = || {
+                Error::input(format!(
+                    "`{name}` has {} bytes, shape {:?} of {} needs {}; is the file complete?",
+                    entry.size().saturating_sub(header.length),
+                    header.shape,
+                    header.dtype,
+                    header
+                        .bytes()
+                        .map_or("more than there can be".to_owned(), |b| b.to_string())
+                ))
+            };
+            let bytes = header
+                .bytes()
+                .filter(|b| b.checked_add(header.length) == Some(entry.size()));
+            let bytes = bytes.ok_or_else(short)?;
+            let mut unpacked = None;
+            if entry.compression() != CompressionMethod::Stored {
+                let mut all = Vec::new();
+                entry
+                    .read_to_end(&mut all)
+                    .map_err(|e| damaged(&e).at(format!("`{name}`")))?;
+                if all.len() as u64 != bytes {
+                    return Err(Error::input(format!(
+                        "`{name}` unpacks to {} bytes, not {bytes}",
+                        all.len()
+                    )));
+                }
+                unpacked = Some(all);
+            }
+            arrays.insert(
+                name,
+                Member {
+                    position,
+                    header,
+                    unpacked,
+                },
+            );
+        }
+        Ok(Self {
+            archive: Mutex::new(archive),
+            arrays,
+        })
+    }
+
+    fn bytes(&self, name: &str, start: u64, length: u64) -> Result<Vec<u8>> {
+        let member = &self.arrays[name];
+        if let Some(all) = &member.unpacked {
+            return Ok(all[start as usize..(start + length) as usize].to_vec());
+        }
+        // A thread that panicked while it held the archive left nothing half done: every read seeks first.
+        let mut archive = self.archive.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut entry = archive.by_index_seek(member.position).map_err(|e| broken(&e))?;
+        let mut bytes = vec![0; length as usize];
+        entry
+            .seek(SeekFrom::Start(member.header.length + start))
+            .and_then(|_| entry.read_exact(&mut bytes))
+            .map_err(|e| damaged(&e))?;
+        Ok(bytes)
+    }
+}
+
+impl<R: Read + Seek + Send> ArrayFile for Npz<R> {
+    fn names(&self) -> Result<Vec<String>> {
+        Ok(self.arrays.keys().cloned().collect())
+    }
+
+    fn info(&self, name: &str) -> Result<Option<ArrayInfo>> {
+        Ok(self.arrays.get(name).map(|Member { header, .. }| ArrayInfo {
+            shape: header.shape.clone(),
+            dtype: header.dtype.clone(),
+            kind: header.kind(),
+        }))
+    }
+
+    fn read(&self, name: &str, leading: &[u64]) -> Result<Values> {
+        let header = &self.arrays[name].header;
+        if header.fortran {
+            return Err(Error::input(format!(
+                "`{name}` is stored column by column; save np.ascontiguousarray of it"
+            )));
+        }
+        let count: u64 = header.shape[leading.len()..].iter().product();
+        let strides = header.shape[..leading.len()].iter().zip(leading);
+        let start = strides.fold(0, |start, (size, i)| start * size + i) * count;
+        let bytes = self.bytes(name, start * header.item, count * header.item)?;
+        let big = header.dtype.starts_with('>');
+        Ok(match header.kind() {
+            Some(Kind::U8) => Values::U8(bytes),
+            Some(Kind::F32) => Values::F32(numbers(
+                &bytes,
+                if big {
+                    f32::from_be_bytes
+                } else {
+                    f32::from_le_bytes
+                },
+            )),
+            Some(Kind::F64) => Values::F64(numbers(
+                &bytes,
+                if big {
+                    f64::from_be_bytes
+                } else {
+                    f64::from_le_bytes
+                },
+            )),
+            None => {
+                return Err(Error::input(format!(
+                    "`{name}` is of type {}, which is not read",
+                    header.dtype
+                )));
+            }
+        })
+    }
+
+    fn axes(&self) -> Option<AxisOrder> {
+        None
+    }
+
+    fn point_names(&self) -> Result<Option<Vec<String>>> {
+        let Some(member) = self.arrays.get("names") else {
+            return Ok(None);
+        };
+        let header = &member.header;
+        // `<U6`: 6 code points of 4 bytes; `|S6`: 6 bytes.
+        let unit = match header.dtype.get(..2) {
+            Some("<U") => 4,
+            Some("|S") => 1,
+            _ => 0,
+        };
+        if unit == 0 || header.shape.len() != 1 || header.item == 0 {
+            return Err(Error::input(format!(
+                "`names` ({}, shape {:?}) is no list of names; expected strings, shape [K]",
+                header.dtype, header.shape
+            )));
+        }
+        let bytes = self.bytes("names", 0, header.shape[0] * header.item)?;
+        let name = |bytes: &[u8]| {
+            let code = |c: &[u8]| c.iter().rev().fold(0, |code, byte| code << 8 | u32::from(*byte));
+            let text = bytes.chunks_exact(unit).map(code).take_while(|c| *c != 0);
+            text.map(|c| char::from_u32(c).unwrap_or(char::REPLACEMENT_CHARACTER))
+                .collect()
+        };
+        Ok(Some(bytes.chunks_exact(header.item as usize).map(name).collect()))
+    }
+}
+
+fn numbers<T, const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> T) -> Vec<T> {
+    bytes.as_chunks().0.iter().map(|bytes| number(*bytes)).collect()
+}
+
+/// The header of a `.npy` array. Own code: it is a Python dictionary of three keys that numpy always writes in the same
+/// form, and the libraries that read it bring a parser generator and a C compiler.
+struct Header {
+    dtype: String,
+    fortran: bool,
+    shape: Vec<u64>,
+    /// Bytes of an element.
+    item: u64,
+    /// Bytes before the first element.
+    length: u64,
+}
+
+impl Header {
+    fn read(reader: &mut impl Read) -> Result<Self> {
+        let mut start = [0; 8];
+        reader.read_exact(&mut start).map_err(|e| damaged(&e))?;
+        if start[..6] != *MAGIC {
+            return Err(Error::input("not a numpy array"));
+        }
+        let mut size = [0; 4];
+        let size_bytes = if start[6] == 1 { 2 } else { 4 };
+        reader
+            .read_exact(&mut size[..size_bytes])
+            .map_err(|e| damaged(&e))?;
+        let size = u32::from_le_bytes(size);
+        let mut text = Vec::new();
+        if (1..=3).contains(&start[6]) && size <= MAX_HEADER {
+            reader
+                .take(u64::from(size))
+                .read_to_end(&mut text)
+                .map_err(|e| damaged(&e))?;
+        }
+        let text = String::from_utf8_lossy(&text).into_owned();
+        let length = 8 + size_bytes as u64 + u64::from(size);
+        Self::parse(&text, length).ok_or_else(|| {
+            Error::input(format!(
+                "the header of the numpy array is not understood: `{}`; expected an array of numbers or strings",
+                text.trim_end()
+            ))
+        })
+    }
+
+    fn parse(text: &str, length: u64) -> Option<Self> {
+        let value = |key: &str| {
+            Some(
+                text.split_once(key)?
+                    .1
+                    .trim_start()
+                    .strip_prefix(':')?
+                    .trim_start(),
+            )
+        };
+        let dtype = value("'descr'")?.strip_prefix('\'')?.split_once('\'')?.0;
+        let fortran = value("'fortran_order'")?.starts_with("True");
+        let shape = value("'shape'")?.strip_prefix('(')?.split_once(')')?.0;
+        let shape: Option<Vec<u64>> = shape
+            .split(',')
+            .map(str::trim)
+            .filter(|n| !n.is_empty())
+            .map(|n| n.parse().ok())
+            .collect();
+        let width: u64 = dtype.get(2..)?.parse().ok()?;
+        let unit = if dtype.get(1..2)? == "U" { 4 } else { 1 };
+        Some(Self {
+            dtype: dtype.to_owned(),
+            fortran,
+            shape: shape?,
+            item: width.checked_mul(unit)?,
+            length,
+        })
+    }
+
+    fn kind(&self) -> Option<Kind> {
+        match &self.dtype[1..] {
+            "u1" => Some(Kind::U8),
+            "f4" => Some(Kind::F32),
+            "f8" => Some(Kind::F64),
+            _ => None,
+        }
+    }
+
+    /// The size of all elements.
+    fn bytes(&self) -> Option<u64> {
+        self.shape
+            .iter()
+            .try_fold(self.item, |bytes, n| bytes.checked_mul(*n))
+    }
+}
+
+/// Writes arrays into an NPZ file, one after the other, without holding one in memory.
+pub struct NpzWriter<W: Write + Seek> {
+    zip: ZipWriter<W>,
+}
+
+impl<W: Write + Seek> NpzWriter<W> {
+    /// A file in `writer`.
+    pub fn new(writer: W) -> Self {
+        Self {
+            zip: ZipWriter::new(writer),
+        }
+    }
+
+    /// Begins an array of numpy type `dtype` (`|u1`, `<f4`); its elements follow through [`NpzWriter::write`].
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn array(&mut self, name: &str, dtype: &str, shape: &[usize]) -> Result<()> {
+        // Not packed: so frames can be read one by one. Zip64, for arrays beyond 4 GiB.
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .large_file(true);
+        self.zip
+            .start_file(format!("{name}.npy"), options)
+            .map_err(|e| Error::new(ErrorKind::Io, e.to_string()))?;
+        let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
+        let mut text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({sizes}), }}");
+        // numpy aligns the first element to 64 bytes.
+        let padding = 63 - (10 + text.len()) % 64;
+        text.push_str(&" ".repeat(padding));
+        text.push('\n');
+        let mut header = MAGIC.to_vec();
+        header.extend([1, 0]);
+        header.extend((text.len() as u16).to_le_bytes());
+        header.extend(text.as_bytes());
+        self.write(&header)
+    }
+
+    /// Appends bytes to the array that was begun.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.zip
+            .write_all(bytes)
+            .map_err(|e| Error::new(ErrorKind::Io, e.to_string()))
+    }
+
+    /// A whole array of `<f8`.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn floats(&mut self, name: &str, shape: &[usize], values: impl Iterator<Item = f64>) -> Result<()> {
+        self.array(name, "<f8", shape)?;
+        self.write(&values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>())
+    }
+
+    /// A whole array of strings.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn strings(&mut self, name: &str, values: &[String]) -> Result<()> {
+        let width = values.iter().map(|v| v.chars().count()).max().unwrap_or(0).max(1);
+        self.array(name, &format!("<U{width}"), &[values.len()])?;
+        for value in values {
+            let padded = value
+                .chars()
+                .map(u32::from)
+                .chain(std::iter::repeat(0))
+                .take(width);
+            self.write(&padded.flat_map(u32::to_le_bytes).collect::<Vec<u8>>())?;
+        }
+        Ok(())
+    }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn finish(self) -> Result<W> {
+        self.zip
+            .finish()
+            .map_err(|e| Error::new(ErrorKind::Io, e.to_string()))
+    }
+}
+
+fn broken(error: &ZipError) -> Error {
+    Error::input(format!("not a whole NPZ file ({error}); was it cut short?"))
+}
+
+fn damaged(error: &std::io::Error) -> Error {
+    Error::input(format!(
+        "the array cannot be read ({error}); is the file complete?"
+    ))
+}
