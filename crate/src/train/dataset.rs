@@ -199,10 +199,10 @@ impl Dataset {
         let again = frames.kept.iter().filter(|kept| kept.is_none()).count();
         if again > 0 {
             notices.push(format!(
-                "{again} of {} decoded frames do not fit the cache of {:.1} GiB: they are read and decoded again \
+                "{again} of {} decoded frames do not fit the cache of {} MiB: they are read and decoded again \
                  whenever they are needed",
                 frames.kept.len(),
-                cache as f64 / f64::from(1 << 30)
+                cache >> 20
             ));
         }
         let frames = Arc::new(frames);
