@@ -395,7 +395,7 @@ fn checkpoints_are_read_and_written_whole() {
         Checkpoint::from_safetensors(&checkpoint.to_safetensors().expect("bytes")).expect("a checkpoint");
     assert_eq!(again, checkpoint);
     let architecture = "basic-vel-std-bg".parse().expect("an architecture");
-    assert_eq!(SaeConfig::basic(architecture).architecture.velocity_weight(), 0.1);
+    assert_eq!(SaeConfig::new(architecture).architecture.velocity_weight(), 0.1);
 }
 
 #[test]
@@ -448,7 +448,7 @@ fn bad_checkpoints_are_told() {
         error.contains("tensor `encoder.block2.conv1.weight` is missing; expected shape [6, 4, 3, 3]"),
         "{error}"
     );
-    assert!("keynet".parse::<tracklens::checkpoint::Architecture>().is_err());
+    assert!("vgg".parse::<tracklens::checkpoint::Architecture>().is_err());
 }
 
 struct OwnedView(Vec<usize>, Vec<u8>);

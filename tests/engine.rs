@@ -42,22 +42,34 @@ fn difference(encoder: &Encoder, file: &SafeTensors, input: &str, expected: &str
 }
 
 #[test]
-fn the_engine_equals_the_reference_on_a_tiny_encoder() {
-    let bytes = golden("basic-vel-std-bg-tiny.safetensors");
-    let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
-    let file = SafeTensors::deserialize(&bytes).expect("safetensors");
-    assert!(difference(&encoder, &file, "golden.input64", "golden.keypoints64") < TOLERANCE);
+fn the_engine_equals_the_reference_on_tiny_encoders() {
+    for name in ["basic-vel-std-bg-tiny", "dsae-tiny", "keynet-vel-std-bg-tiny"] {
+        let bytes = golden(&format!("{name}.safetensors"));
+        let encoder =
+            Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
+        let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+        let largest = difference(&encoder, &file, "golden.input64", "golden.keypoints64");
+        assert!(largest < TOLERANCE, "{name}");
+    }
 }
 
 #[test]
-fn the_engine_equals_the_reference_on_the_basic_encoder() {
-    let Some(bytes) = shared::large_golden("basic.safetensors") else {
-        return;
-    };
-    let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
-    let file = SafeTensors::deserialize(&bytes).expect("safetensors");
-    assert!(difference(&encoder, &file, "golden.input64", "golden.keypoints64") < TOLERANCE);
-    assert!(difference(&encoder, &file, "golden.input256", "golden.keypoints256") < TOLERANCE);
+fn the_engine_equals_the_reference_on_the_papers_encoders() {
+    for name in ["basic", "dsae", "keynet-vel-std-bg"] {
+        let Some(bytes) = shared::large_golden(&format!("{name}.safetensors")) else {
+            return;
+        };
+        let encoder =
+            Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
+        let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+        for size in ["64", "256"] {
+            let (input, keypoints) = (format!("golden.input{size}"), format!("golden.keypoints{size}"));
+            assert!(
+                difference(&encoder, &file, &input, &keypoints) < TOLERANCE,
+                "{name}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -93,6 +105,38 @@ fn the_grid_places_border_cells_where_the_convolutions_see_them() {
     let opposite = grid.to_image([1.0, 1.0]);
     assert!((opposite[0] - (2.0 * (8.0 * 32.0 - 3.5) + 1.0) / 256.0 + 1.0).abs() < 1e-12);
     assert!((opposite[1] - (2.0 * (8.0 * 16.0 - 3.5) + 1.0) / 128.0 + 1.0).abs() < 1e-12);
+    // KeyNet: cell k of 32 at pixel 8k; DSAE: cell k of 117 at pixel 2k + 11.
+    for (name, first, last) in [
+        ("keynet-vel-std-bg-tiny", 0.0, 8.0 * 31.0),
+        ("dsae-tiny", 11.0, 2.0 * 116.0 + 11.0),
+    ] {
+        let checkpoint =
+            Checkpoint::from_safetensors(&golden(&format!("{name}.safetensors"))).expect("valid");
+        let grid = CpuExtractor::from_checkpoint(&checkpoint)
+            .expect("a plan")
+            .grid([256, 256]);
+        for (latent, pixel) in [(-1.0, first), (1.0, last)] {
+            let place = grid.to_image([latent, latent])[0];
+            assert!(
+                (place - (2.0 * pixel + 1.0) / 256.0 + 1.0).abs() < 1e-12,
+                "{name}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_frame_smaller_than_the_kernels_is_told() {
+    let checkpoint = Checkpoint::from_safetensors(&golden("dsae-tiny.safetensors")).expect("valid");
+    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let error = encoder
+        .run(&mut Workspace::default(), &[0.5; 3 * 16 * 16], [16, 16])
+        .expect_err("too small")
+        .to_string();
+    assert!(
+        error.contains("too small") && error.contains("encoder.conv3"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -6,21 +6,25 @@ use std::path::{Path, PathBuf};
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{FrameIndex, parse_ground_truth};
 use tracklens::engine::{Encoder, Workspace};
+use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
-use tracklens::train::{Dataset, EpochLog, Split, TrainConfig, TrainSummary, train};
+use tracklens::model::fresh_weights;
+use tracklens::train::{
+    Dataset, EpochLog, Existing, Split, TrainConfig, TrainSummary, ValidationFrames, train,
+};
 
 fn recording() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push")
 }
 
 fn config(epochs: u32) -> TrainConfig {
-    let mut sae = SaeConfig::basic("basic-vel-std-bg".parse().expect("an architecture"));
+    let mut sae = SaeConfig::new("basic-vel-std-bg".parse().expect("an architecture"));
     sae.keypoints = 4;
-    sae.encoder_channels = [4, 6, 8];
-    sae.decoder_channels = [8, 6, 4];
+    sae.encoder_channels = vec![4, 6, 8];
+    sae.decoder_channels = vec![8, 6, 4];
     sae.input_size = Some([32, 32]);
     sae.target_size = [16, 16];
-    let split = Split {
+    let split = Split::Shares {
         training: 0.67,
         validation: 0.33,
     };
@@ -52,8 +56,24 @@ fn dataset(config: &TrainConfig) -> Dataset {
     Dataset::load(&index, read, &truth, &config.sae, &Cancel::default()).expect("a data set")
 }
 
+fn attempt(
+    config: &TrainConfig,
+    out: &Path,
+    existing: Existing,
+    report: &mut dyn FnMut(Event),
+    cancel: &Cancel,
+) -> Result<TrainSummary, Error> {
+    let dataset = dataset(config);
+    let weights = fresh_weights(&config.sae, config.seed);
+    train(config, &dataset, &weights, out, existing, report, cancel)
+}
+
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
-    train(config, &dataset(config), out, &mut |_| {}, &Cancel::default()).expect("a training")
+    attempt(config, out, Existing::Refuse, &mut |_| {}, &Cancel::default()).expect("a training")
+}
+
+fn resume(config: &TrainConfig, out: &Path) -> Result<TrainSummary, Error> {
+    attempt(config, out, Existing::Resume, &mut |_| {}, &Cancel::default())
 }
 
 fn weights(folder: &Path) -> Checkpoint {
@@ -89,6 +109,12 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
     assert_eq!(summary.last.as_ref(), Some(last));
     assert_eq!((summary.epochs, summary.interrupted), (25, false));
     assert_eq!(last.errors.len(), 3);
+    for (map, errors) in &last.errors {
+        assert_eq!(errors.len(), 3, "{map}");
+    }
+    // A map with more freedom fits at least as well.
+    let error = |map: &str| last.errors[map]["cube"].expect("visible");
+    assert!(error("affine") <= error("scale-translate") && error("scale-translate") <= error("identity"));
 
     let written: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join("config.json")).expect("a config")).expect("JSON");
@@ -110,7 +136,7 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
         .expect("a folder")
         .map(|e| e.expect("a file").file_name())
         .collect();
-    assert_eq!(left.len(), 5, "no temporary file is left behind: {left:?}");
+    assert_eq!(left.len(), 6, "no temporary file is left behind: {left:?}");
 }
 
 #[test]
@@ -125,40 +151,113 @@ fn the_same_seed_gives_the_same_weights() {
 }
 
 #[test]
-fn a_cancelled_training_saves_what_it_has() {
+fn a_cancelled_training_keeps_its_last_whole_epoch_and_goes_on_to_the_same_weights() {
     let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("run");
-    let config = config(50);
+    let [out, straight] = ["run", "straight"].map(|name| folder.path().join(name));
+    let config = config(5);
     let cancel = Cancel::default();
     let switch = cancel.clone();
     let mut warned = false;
     let mut report = |event: Event| match event {
         Event::Progress { done: 8, .. } => switch.cancel(),
-        Event::Warning(text) => warned = text.contains("saved"),
+        Event::Warning(text) => warned = text.contains("after epoch 2 is kept"),
         _ => {}
     };
-    let summary = train(&config, &dataset(&config), &out, &mut report, &cancel).expect("a summary");
+    let summary = attempt(&config, &out, Existing::Refuse, &mut report, &cancel).expect("a summary");
     assert!(summary.interrupted && warned);
     // Two training sequences of three snippets, two a step: three steps an epoch, so two whole epochs.
     assert_eq!(summary.epochs, 2);
     assert_eq!(weights(&out).metadata["tracklens.epoch"], "2");
-    assert_eq!(
+    let lines = || {
         fs::read_to_string(out.join("log.jsonl"))
             .expect("a log")
             .lines()
-            .count(),
-        2
-    );
+            .count()
+    };
+    assert_eq!(lines(), 2);
     let written: TrainSummary =
         serde_json::from_slice(&fs::read(out.join("summary.json")).expect("a summary")).expect("JSON");
     assert_eq!(written, summary);
+
+    // A line of an epoch that never ended, as a killed process leaves it.
+    let mut log = fs::read(out.join("log.jsonl")).expect("a log");
+    log.extend_from_slice(b"{\"epoch\":3,\"sec");
+    fs::write(out.join("log.jsonl"), log).expect("written");
+    let resumed = resume(&config, &out).expect("a training");
+    assert_eq!((resumed.epochs, resumed.interrupted, lines()), (5, false, 5));
+    let uninterrupted = run(&config, &straight);
+    assert_eq!(weights(&out).tensors, weights(&straight).tensors);
+    let (mut a, mut b) = (
+        resumed.last.expect("an epoch"),
+        uninterrupted.last.expect("an epoch"),
+    );
+    (a.seconds, b.seconds) = (0.0, 0.0);
+    assert_eq!(a, b);
+    assert_eq!(resumed.best_epoch, uninterrupted.best_epoch);
+
+    // A finished run stays as it is; it can be made longer, not shorter, and not into another one.
+    assert_eq!(resume(&config, &out).expect("nothing to do").epochs, 5);
+    assert_eq!(
+        resume(
+            &TrainConfig {
+                epochs: 6,
+                ..config.clone()
+            },
+            &out
+        )
+        .expect("one more")
+        .epochs,
+        6
+    );
+    let error = resume(
+        &TrainConfig {
+            epochs: 3,
+            ..config.clone()
+        },
+        &out,
+    )
+    .expect_err("fewer");
+    assert!(error.to_string().contains("has come to epoch 6"), "{error}");
+    let other = TrainConfig {
+        epochs: 7,
+        batch: 3,
+        ..config
+    };
+    let error = resume(&other, &out).expect_err("another run").to_string();
+    assert!(error.contains("`batch` is 2 there and 3 here"), "{error}");
+}
+
+#[test]
+fn what_the_paper_and_the_code_do_differently_is_a_switch() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let frames = |name: &str, config: &TrainConfig| {
+        let summary = run(config, &folder.path().join(name));
+        summary.evaluation.expect("an evaluation").frames
+    };
+    // One sequence of five frames to validate on: three snippets, of which a batch of two leaves one out.
+    assert_eq!(frames("code", &config(1)), 2);
+    assert_eq!(
+        frames(
+            "keep",
+            &TrainConfig {
+                drop_last: false,
+                ..config(1)
+            }
+        ),
+        3
+    );
+    let all = TrainConfig {
+        validation_frames: ValidationFrames::All,
+        ..config(1)
+    };
+    assert_eq!(frames("all", &all), 5);
 }
 
 #[test]
 fn what_cannot_be_trained_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let error = |config: &TrainConfig, out: &Path| {
-        train(config, &dataset(config), out, &mut |_| {}, &Cancel::default())
+        attempt(config, out, Existing::Refuse, &mut |_| {}, &Cancel::default())
             .expect_err("an error")
             .to_string()
     };
@@ -166,7 +265,7 @@ fn what_cannot_be_trained_is_told() {
     run(&config(1), &out);
     let taken = error(&config(1), &out);
     assert!(
-        taken.contains("holds a run already; give another folder"),
+        taken.contains("holds a run already; resume it (--resume), give another folder"),
         "{taken}"
     );
     let other = folder.path().join("other");

@@ -10,7 +10,7 @@ use tracklens::engine::{Encoder, Workspace};
 
 /// Weights that keep activations in range; their values do not matter for the time.
 fn checkpoint() -> Checkpoint {
-    let config = SaeConfig::basic(Architecture::BASIC);
+    let config = SaeConfig::new(Architecture::BASIC);
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
     let mut tensors = BTreeMap::new();
     for (name, shape) in config.tensor_shapes() {

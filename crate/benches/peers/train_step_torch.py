@@ -94,7 +94,7 @@ def keynet_decoder(points, trained):
     )
 
 
-FAMILIES = {"basic": (basic_encoder, basic_decoder, 16), "keynet": (keynet_encoder, keynet_decoder, 32)}
+FAMILIES = {"basic": (basic_encoder, basic_decoder, 16), "keynet": (keynet_encoder, keynet_decoder, 30)}
 
 
 class Autoencoder(nn.Module):

@@ -1,104 +1,103 @@
-//! The configuration of a checkpoint from the names and shapes of its tensors, and back.
+//! The configuration of a checkpoint from the names and shapes of its tensors.
 
 use std::collections::BTreeMap;
 
-use super::{Architecture, SaeConfig, Tensor};
+use super::layers::{BACKGROUND, DENSE, SIGMA, TEMPERATURE};
+use super::{Architecture, Family, SaeConfig, Tensor};
 use crate::error::{Error, Result};
 
 impl SaeConfig {
-    /// The configuration that a state dict of the authors' Basic SAE has.
+    /// The configuration that a state dict of the authors' SAEs has.
     ///
     /// What names and shapes do not tell is set to the paper's value: `-vel` (a loss, it leaves no tensor) is
-    /// off, sigma is 0.1 unless trained, the target is 64 x 64 unless a background bias gives it.
+    /// off but for DSAE, sigma and temperature are 0.1 and 1 unless trained, the target is 64 x 64 unless a background
+    /// bias or a dense decoder gives it.
     pub(super) fn infer(tensors: &BTreeMap<String, Tensor>) -> Result<Self> {
-        let shape = |name: &str| {
-            tensors.get(name).map(|t| t.shape.as_slice()).ok_or_else(|| {
+        let shape = |name: &str| -> Result<[usize; 4]> {
+            let found = tensors.get(name).ok_or_else(|| {
                 Error::input(format!(
-                    "not a checkpoint of a Basic SAE: tensor `{name}` is missing (the file holds {})",
+                    "not a checkpoint of a Basic, DSAE or KeyNet SAE: tensor `{name}` is missing (the file holds {})",
                     summary(tensors)
+                ))
+            })?;
+            found.shape.as_slice().try_into().map_err(|_| {
+                Error::input(format!(
+                    "tensor `{name}` has shape {:?}; expected the four axes of a filter bank",
+                    found.shape
                 ))
             })
         };
-        let first = |name: &str| {
-            let shape = shape(name)?;
-            shape
-                .first()
-                .copied()
-                .ok_or_else(|| Error::input(format!("tensor `{name}` is a scalar; expected a filter bank")))
+        let has = |name: &str| tensors.contains_key(name);
+        let family = if has("encoder.conv1.weight") {
+            Family::Dsae
+        } else if has("encoder.block4.conv1.weight") {
+            Family::KeyNet
+        } else {
+            Family::Basic
         };
-        let mut encoder_channels = [0; 3];
-        let mut decoder_channels = [64, 32, 16];
-        for block in 0..3 {
-            encoder_channels[block] = first(&format!("encoder.block{}.conv1.weight", block + 1))?;
-        }
-        if tensors.keys().any(|name| name.starts_with("decoder.")) {
-            for conv in 0..3 {
-                decoder_channels[conv] = first(&format!("decoder.conv{}.weight", conv + 1))?;
+        let mut config = Self::new(Architecture {
+            family,
+            velocity: family == Family::Dsae,
+            trained_sigma: has(SIGMA),
+            background: has(BACKGROUND),
+        });
+        let has_decoder = tensors.keys().any(|name| name.starts_with("decoder."));
+        // (channels, kernel) of one convolution a block or layer.
+        let list = |names: &[String]| -> Result<(Vec<usize>, Vec<usize>)> {
+            let shapes = names.iter().map(|name| shape(name)).collect::<Result<Vec<_>>>()?;
+            Ok(shapes.iter().map(|s| (s[0], s[3])).unzip())
+        };
+        let numbered = |prefix: &str, suffix: &str, count: usize| -> Vec<String> {
+            (1..=count)
+                .map(|i| format!("{prefix}{i}{suffix}.weight"))
+                .collect()
+        };
+        let aggregated = "encoder.aggregate_conv.weight";
+        match family {
+            Family::Basic => {
+                (config.encoder_channels, config.encoder_kernels) =
+                    list(&numbered("encoder.block", ".conv1", 3))?;
+                config.keypoints = shape(aggregated)?[0];
+                if has_decoder {
+                    (config.decoder_channels, config.decoder_kernels) =
+                        list(&numbered("decoder.conv", "", 3))?;
+                }
+            }
+            Family::Dsae => {
+                (config.encoder_channels, config.encoder_kernels) = list(&numbered("encoder.conv", "", 3))?;
+                config.keypoints = config.encoder_channels.pop().unwrap_or_default();
+            }
+            Family::KeyNet => {
+                let (channels, kernels) = list(&numbered("encoder.block", ".conv1", 4))?;
+                config.encoder_channels = channels;
+                config.encoder_kernels = vec![kernels[0], kernels[1]];
+                config.keypoints = shape(aggregated)?[0];
+                if has_decoder {
+                    let (channels, kernels) = list(&numbered("decoder.block", ".conv1", 3))?;
+                    config.decoder_channels = channels;
+                    config.decoder_kernels = vec![kernels[0]];
+                }
             }
         }
-        let background = tensors.get("decoder.background_bias.bias");
-        let sigma = tensors.get("decoder.gaussian_sampling.std");
-        Ok(Self {
-            architecture: Architecture {
-                velocity: false,
-                trained_sigma: sigma.is_some(),
-                background: background.is_some(),
-            },
-            keypoints: first("encoder.aggregate_conv.weight")?,
-            encoder_channels,
-            decoder_channels,
-            input_size: None,
-            target_size: match background.map(|t| t.shape.as_slice()) {
-                Some([_, height, width]) => [*width, *height],
-                _ => [64, 64],
-            },
-            sigma: 0.1,
-        })
-    }
-
-    /// Every tensor of the state dict with its shape, encoder first. Counters are left out.
-    pub fn tensor_shapes(&self) -> Vec<(String, Vec<usize>)> {
-        let mut shapes = Vec::new();
-        let mut input = 3;
-        for (i, &channels) in self.encoder_channels.iter().enumerate() {
-            let block = format!("encoder.block{}", i + 1);
-            for (conv, from) in [(1, input), (2, channels)] {
-                shapes.push((format!("{block}.conv{conv}.weight"), vec![channels, from, 3, 3]));
-                batch_norm(&mut shapes, &format!("{block}.bn{conv}"), channels);
+        config.trained_temperature = has(TEMPERATURE);
+        config.sigma_per_keypoint = tensors.get(SIGMA).is_some_and(|sigma| sigma.shape.len() == 3);
+        let dense = tensors.get(&format!("{DENSE}.bias"));
+        config.target_size = match (tensors.get(BACKGROUND).map(|t| t.shape.as_slice()), dense) {
+            (Some([_, height, width]), _) => [*width, *height],
+            (_, Some(bias)) => {
+                let side = (bias.data.len() as f64 / 3.0).sqrt().round() as usize;
+                if 3 * side * side != bias.data.len() {
+                    return Err(Error::input(format!(
+                        "tensor `{DENSE}.bias` has {} values; expected 3 x height x width of a square image",
+                        bias.data.len()
+                    )));
+                }
+                [side, side]
             }
-            input = channels;
-        }
-        aggregation(&mut shapes, "encoder.aggregate_conv", input, self.keypoints);
-        if self.architecture.trained_sigma {
-            shapes.push(("decoder.gaussian_sampling.std".to_owned(), vec![1]));
-        }
-        let mut input = self.keypoints;
-        for (i, &channels) in self.decoder_channels.iter().enumerate() {
-            shapes.push((
-                format!("decoder.conv{}.weight", i + 1),
-                vec![channels, input, 3, 3],
-            ));
-            batch_norm(&mut shapes, &format!("decoder.bn{}", i + 1), channels);
-            input = channels;
-        }
-        aggregation(&mut shapes, "decoder.aggregate_conv", input, 3);
-        if self.architecture.background {
-            let [width, height] = self.target_size;
-            shapes.push(("decoder.background_bias.bias".to_owned(), vec![3, height, width]));
-        }
-        shapes
+            _ => [64, 64],
+        };
+        Ok(config)
     }
-}
-
-fn batch_norm(shapes: &mut Vec<(String, Vec<usize>)>, name: &str, channels: usize) {
-    for part in ["weight", "bias", "running_mean", "running_var"] {
-        shapes.push((format!("{name}.{part}"), vec![channels]));
-    }
-}
-
-fn aggregation(shapes: &mut Vec<(String, Vec<usize>)>, name: &str, from: usize, to: usize) {
-    shapes.push((format!("{name}.weight"), vec![to, from, 1, 1]));
-    shapes.push((format!("{name}.bias"), vec![to]));
 }
 
 fn summary(tensors: &BTreeMap<String, Tensor>) -> String {

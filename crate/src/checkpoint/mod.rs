@@ -6,7 +6,9 @@
 
 mod config;
 mod infer;
+mod layers;
 mod tensors;
 
-pub use config::{Architecture, SaeConfig};
+pub use config::{Architecture, Family, SaeConfig};
+pub use layers::{BACKGROUND, ConvLayer, DENSE, SIGMA, TEMPERATURE};
 pub use tensors::{Checkpoint, Tensor};

@@ -4,13 +4,16 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::de::DeserializeOwned;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::{self, Folder};
-use crate::checkpoint::{Architecture, SaeConfig};
+use crate::checkpoint::SaeConfig;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::Event;
-use crate::train::{Dataset, Split, TrainConfig, train};
+use crate::metric::Transform;
+use crate::model::fresh_weights;
+use crate::train::{Dataset, Existing, Split, TargetFilter, TrainConfig, ValidationFrames, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
@@ -20,10 +23,11 @@ pub(super) struct TrainArguments {
     /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder
     #[arg(long, value_name = "GT.csv")]
     truth: Option<PathBuf>,
-    /// Architecture: basic, with any of -vel, -std, -bg (e.g. basic-vel-std-bg)
-    #[arg(long, default_value = "basic")]
-    arch: Architecture,
-    /// Run folder to write; must not hold a run yet
+    /// Architecture: basic, basic-kp32, dsae, keynet; basic and keynet with any of -vel, -std, -bg (e.g.
+    /// keynet-vel-std-bg)
+    #[arg(long, value_name = "NAME", default_value = "basic", value_parser = SaeConfig::named)]
+    arch: SaeConfig,
+    /// Run folder to write; must not hold a run yet, unless it is resumed
     #[arg(long, value_name = "RUN_DIR")]
     out: PathBuf,
     /// Passes over the training sequences
@@ -41,27 +45,27 @@ pub(super) struct TrainArguments {
     /// Standard deviation of the noise on the input
     #[arg(long, default_value_t = 1e-3)]
     noise: f32,
-    /// Shares of the sequences for training and validation; the rest stays unseen
-    #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25", value_parser = parse_split)]
+    /// Shares of the sequences for training and validation (the rest stays unseen), or `reference`: the authors'
+    /// numpy split into half, quarter and quarter (`reference:SEED` for another numpy seed than 0)
+    #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25")]
     split: Split,
-    /// Number of keypoints
-    #[arg(long, default_value_t = 16)]
-    keypoints: usize,
-    /// Output channels of the encoder's blocks
-    #[arg(long, value_name = "A,B,C", default_value = "32,64,128", value_parser = parse_channels)]
-    encoder_channels: [usize; 3],
-    /// Output channels of the decoder's convolutions
-    #[arg(long, value_name = "A,B,C", default_value = "64,32,16", value_parser = parse_channels)]
-    decoder_channels: [usize; 3],
-    /// Side that frames are resized to before the encoder; default: their own size
-    #[arg(long, value_name = "PIXELS")]
-    input_size: Option<usize>,
-    /// Side of the reconstruction
-    #[arg(long, value_name = "PIXELS", default_value_t = 64)]
-    target_size: usize,
-    /// Standard deviation of the decoder's Gaussian maps (initial value with -std)
-    #[arg(long, default_value_t = 0.1)]
-    sigma: f64,
+    /// Weight of the velocity loss; default: 0.1 with -vel and for dsae, otherwise 0
+    #[arg(long, value_name = "WEIGHT")]
+    velocity_weight: Option<f64>,
+    /// Also train and validate on the snippets that do not fill a batch; the authors' code leaves them out
+    #[arg(long)]
+    keep_last: bool,
+    /// Frames of the validation sequences for the metric: `first` of every snippet, as in the authors' code, or `all`
+    #[arg(long, value_name = "WHICH", default_value = "first", value_parser = named::<ValidationFrames>)]
+    validation_frames: ValidationFrames,
+    /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or `bilinear-antialias`
+    #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
+    target_filter: TargetFilter,
+    /// Go on after the last whole epoch of the run in the folder; start one where there is none
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    sizes: SizeArguments,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -70,46 +74,92 @@ pub(super) struct TrainArguments {
     quiet: bool,
 }
 
-fn parse_channels(text: &str) -> Result<[usize; 3]> {
-    let counts: Option<Vec<usize>> = text.split(',').map(|c| c.trim().parse().ok()).collect();
-    counts.and_then(|c| c.try_into().ok()).ok_or_else(|| {
-        Error::input(format!(
-            "`{text}` is no list of channel counts; expected three, e.g. 32,64,128"
-        ))
-    })
+/// A value by its name in `config.json`.
+fn named<T: DeserializeOwned>(name: &str) -> Result<T> {
+    serde_json::from_value(name.into()).map_err(|e| Error::input(e.to_string()))
 }
 
-fn parse_split(text: &str) -> Result<Split> {
-    let shares = text
-        .split_once(',')
-        .and_then(|(t, v)| Some((t.trim().parse().ok()?, v.trim().parse().ok()?)));
-    shares
-        .map(|(training, validation)| Split { training, validation })
-        .ok_or_else(|| {
-            Error::input(format!(
-                "`{text}` is no split; expected two shares, e.g. 0.5,0.25"
-            ))
-        })
+/// What differs from the paper's configuration of the architecture.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Sizes (default: the paper's for the architecture)")]
+struct SizeArguments {
+    /// Number of keypoints
+    #[arg(long, value_name = "N")]
+    keypoints: Option<usize>,
+    /// Output channels of the encoder: basic 32,64,128; dsae 64,32; keynet 32,64,128,256
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    encoder_channels: Option<Vec<usize>>,
+    /// Kernel sizes of the encoder: basic 3,3,3 (one a block); dsae 7,5,5; keynet 7,3 (the first, all others)
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    encoder_kernels: Option<Vec<usize>>,
+    /// Output channels of the decoder: basic 64,32,16; keynet 256,128,64
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    decoder_channels: Option<Vec<usize>>,
+    /// Kernel sizes of the decoder: basic 3,3,3; keynet 3
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    decoder_kernels: Option<Vec<usize>>,
+    /// Side that frames are resized to before the encoder; default: their own size
+    #[arg(long, value_name = "PIXELS")]
+    input_size: Option<usize>,
+    /// Side of the reconstruction; default: 64
+    #[arg(long, value_name = "PIXELS")]
+    target_size: Option<usize>,
+    /// (Initial) temperature of the softmax; default: 1
+    #[arg(long, value_name = "T")]
+    temperature: Option<f64>,
+    /// Train the temperature (dsae does)
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    train_temperature: Option<bool>,
+    /// (Initial) standard deviation of the decoder's Gaussian maps; default: 0.1
+    #[arg(long)]
+    sigma: Option<f64>,
+    /// A standard deviation for every keypoint; with -std
+    #[arg(long)]
+    sigma_per_keypoint: bool,
+    /// Standard deviations beyond which Gaussian maps are 0; default: no limit
+    #[arg(long, value_name = "FACTOR")]
+    sigma_limit: Option<f64>,
+}
+
+impl SizeArguments {
+    fn apply(&self, to: &SaeConfig) -> SaeConfig {
+        let square = |side: usize| [side, side];
+        let list =
+            |given: &Option<Vec<usize>>, default: &Vec<usize>| given.as_ref().unwrap_or(default).clone();
+        SaeConfig {
+            architecture: to.architecture,
+            keypoints: self.keypoints.unwrap_or(to.keypoints),
+            encoder_channels: list(&self.encoder_channels, &to.encoder_channels),
+            encoder_kernels: list(&self.encoder_kernels, &to.encoder_kernels),
+            decoder_channels: list(&self.decoder_channels, &to.decoder_channels),
+            decoder_kernels: list(&self.decoder_kernels, &to.decoder_kernels),
+            input_size: self.input_size.map(square).or(to.input_size),
+            target_size: self.target_size.map_or(to.target_size, square),
+            temperature: self.temperature.unwrap_or(to.temperature),
+            trained_temperature: self.train_temperature.unwrap_or(to.trained_temperature),
+            sigma: self.sigma.unwrap_or(to.sigma),
+            sigma_per_keypoint: self.sigma_per_keypoint || to.sigma_per_keypoint,
+            sigma_limit: self.sigma_limit.or(to.sigma_limit),
+        }
+    }
 }
 
 impl TrainArguments {
     fn config(&self) -> TrainConfig {
         TrainConfig {
-            sae: SaeConfig {
-                architecture: self.arch,
-                keypoints: self.keypoints,
-                encoder_channels: self.encoder_channels,
-                decoder_channels: self.decoder_channels,
-                input_size: self.input_size.map(|side| [side, side]),
-                target_size: [self.target_size, self.target_size],
-                sigma: self.sigma,
-            },
+            sae: self.sizes.apply(&self.arch),
             epochs: self.epochs,
             seed: self.seed,
             batch: self.batch,
             learning_rate: self.learning_rate,
             noise: self.noise,
             split: self.split,
+            drop_last: !self.keep_last,
+            validation_frames: self.validation_frames,
+            target_filter: self.target_filter,
+            velocity_weight: self
+                .velocity_weight
+                .unwrap_or(self.arch.architecture.velocity_weight()),
         }
     }
 }
@@ -144,14 +194,32 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     }
     let bar = progress_bar(arguments.quiet);
     let mut report = |event: Event| show(&bar, &event);
-    let summary = train(&config, &dataset, &arguments.out, &mut report, &cancel)?;
+    let existing = match arguments.resume {
+        true => Existing::Resume,
+        false => Existing::Refuse,
+    };
+    // The input size belongs to the weights from here on: extraction resizes to it.
+    let mut sae = config.sae.clone();
+    sae.input_size = Some(dataset.input_size);
+    let weights = fresh_weights(&sae, config.seed);
+    let summary = train(
+        &config,
+        &dataset,
+        &weights,
+        &arguments.out,
+        existing,
+        &mut report,
+        &cancel,
+    )?;
     for warning in summary.evaluation.iter().flat_map(|e| &e.warnings) {
         eprintln!("warning: on the validation sequences, {warning}");
     }
     if let Some(last) = &summary.last {
         let errors: Vec<String> = last
             .errors
-            .iter()
+            .get(Transform::Affine.name())
+            .into_iter()
+            .flatten()
             .map(|(name, error)| match error {
                 Some(error) => format!("{name} {error:.4}"),
                 None => format!("{name} not visible"),

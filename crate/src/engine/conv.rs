@@ -6,16 +6,18 @@ use rten_gemm::{
 };
 use rten_tensor::NdTensorView;
 
-use crate::checkpoint::Tensor;
+use crate::checkpoint::{ConvLayer, Tensor};
 use crate::error::{Error, Result};
 
-/// A square convolution with stride 1 that keeps the size of its input (zero padding).
+/// A convolution with a square kernel and zero padding.
 pub(super) struct Conv {
     weights: PackedAMatrix<f32>,
     bias: Option<Vec<f32>>,
     inputs: usize,
     outputs: usize,
     kernel: usize,
+    stride: usize,
+    padding: usize,
 }
 
 /// Where the elements of a layer's virtual im2col matrix lie in its input; kept while the size stays.
@@ -30,9 +32,10 @@ type Offsets3 = (Vec<i32>, Vec<i32>, Vec<i32>);
 type Offsets2 = (Vec<i32>, Vec<i32>);
 
 impl Conv {
-    /// Packs `weight` (outputs x inputs x k x k, k odd), each output's filter multiplied by its `scale`.
+    /// Packs `weight` (outputs x inputs x k x k), each output's filter multiplied by its `scale`.
     pub fn new(
         gemm: &GemmExecutor,
+        layer: &ConvLayer,
         weight: &Tensor,
         scale: Option<&[f32]>,
         bias: Option<Vec<f32>>,
@@ -57,6 +60,8 @@ impl Conv {
             inputs,
             outputs,
             kernel,
+            stride: layer.stride,
+            padding: layer.padding,
         })
     }
 
@@ -64,7 +69,7 @@ impl Conv {
         self.outputs
     }
 
-    /// Convolves `input` (inputs x height x width) into `output` (outputs x height x width).
+    /// Convolves `input` (inputs x height x width) of `size` into `output` (outputs x height' x width') of `to`.
     pub fn run(
         &self,
         gemm: &GemmExecutor,
@@ -72,22 +77,23 @@ impl Conv {
         input: &[f32],
         [width, height]: [usize; 2],
         output: &mut [f32],
+        to: [usize; 2],
     ) -> Result<()> {
         let options = GemmOptions {
             bias: self.bias.as_deref().map(BiasVector::Column),
             ..GemmOptions::default()
         };
         let weights = GemmInputA::Packed(&self.weights);
-        let done = if self.kernel == 1 {
+        let done = if self.kernel == 1 && self.stride == 1 && self.padding == 0 {
             let matrix = NdTensorView::from_data([self.inputs, height * width], input);
             gemm.gemm(output, weights, GemmInputB::Unpacked(matrix), options)
         } else {
-            offsets.prepare(gemm, self, [width, height]);
+            offsets.prepare(gemm, self, [width, height], to);
             let im2col = Im2Col {
                 image: NdTensorView::from_data([self.inputs, height, width], input),
                 row_offsets: offsets.take_rows(),
                 col_offsets: offsets.take_columns(),
-                n_cols: height * width,
+                n_cols: to[0] * to[1],
                 n_rows: self.inputs * self.kernel * self.kernel,
                 max_y_offset: ((height - 1) * width) as i32,
                 max_x_offset: (width - 1) as i32,
@@ -101,7 +107,7 @@ impl Conv {
 }
 
 impl Im2ColOffsets {
-    fn prepare(&mut self, gemm: &GemmExecutor, conv: &Conv, size: [usize; 2]) {
+    fn prepare(&mut self, gemm: &GemmExecutor, conv: &Conv, size: [usize; 2], to: [usize; 2]) {
         if self.size == size {
             return;
         }
@@ -127,14 +133,14 @@ impl Im2ColOffsets {
         for offsets in [channel, y, x] {
             offsets.resize(padded, outside);
         }
-        let pad = kernel / 2;
+        let (stride, padding) = (conv.stride as i32, conv.padding as i32);
         let (top, left) = &mut self.columns;
         top.clear();
         left.clear();
-        for row in 0..height {
-            for column in 0..width {
-                top.push((row - pad) * width);
-                left.push(column - pad);
+        for row in 0..to[1] as i32 {
+            for column in 0..to[0] as i32 {
+                top.push((row * stride - padding) * width);
+                left.push(column * stride - padding);
             }
         }
         let padded = top.len().next_multiple_of(gemm.im2col_col_count_step());

@@ -1,11 +1,11 @@
-//! The encoder of a Basic SAE.
+//! The encoder of an SAE.
 
 use rten_gemm::GemmExecutor;
 
 use super::conv::{Conv, Im2ColOffsets};
-use super::pool::{max_pool_affine_relu, pooled};
+use super::pool::max_pool_affine_relu;
 use super::softargmax::soft_argmax;
-use crate::checkpoint::{Checkpoint, SaeConfig};
+use crate::checkpoint::{Checkpoint, ConvLayer, SaeConfig, TEMPERATURE};
 use crate::data::{Filter, Frame};
 use crate::error::{Error, Result};
 
@@ -15,16 +15,17 @@ const BATCH_NORM_EPSILON: f32 = 1e-5;
 /// An encoder ready to run on the CPU: images in, keypoints out.
 pub struct Encoder {
     config: SaeConfig,
-    blocks: Vec<Block>,
-    aggregation: Conv,
+    layers: Vec<Layer>,
+    temperature: f32,
 }
 
-/// Convolution (batch norm folded in), ReLU, convolution, max-pool, batch norm, ReLU.
-struct Block {
-    first: Conv,
-    second: Conv,
-    scale: Vec<f32>,
-    shift: Vec<f32>,
+/// A convolution and what follows it.
+struct Layer {
+    shape: ConvLayer,
+    /// With the batch norm folded in, unless a pool lies between the two.
+    conv: Conv,
+    /// Scale and shift of the batch norm after a pool.
+    after_pool: Option<(Vec<f32>, Vec<f32>)>,
 }
 
 /// What one thread needs to run an [`Encoder`]; grows to the largest frame and stays.
@@ -61,27 +62,24 @@ impl Encoder {
     /// When a tensor is missing or has another shape than its neighbours need.
     pub fn new(checkpoint: &Checkpoint) -> Result<Self> {
         let gemm = GemmExecutor::default();
-        let tensor = |name: &str| checkpoint.tensor(name);
-        let mut blocks = Vec::new();
-        for block in 1..=checkpoint.config.encoder_channels.len() {
-            let name = |part: &str| format!("encoder.block{block}.{part}");
-            let (scale, shift) = batch_norm(checkpoint, &name("bn1"))?;
-            let first = Conv::new(&gemm, tensor(&name("conv1.weight"))?, Some(&scale), Some(shift))?;
-            let second = Conv::new(&gemm, tensor(&name("conv2.weight"))?, None, None)?;
-            let (scale, shift) = batch_norm(checkpoint, &name("bn2"))?;
-            blocks.push(Block {
-                first,
-                second,
-                scale,
-                shift,
-            });
-        }
-        let bias = tensor("encoder.aggregate_conv.bias")?.data.clone();
-        let aggregation = Conv::new(&gemm, tensor("encoder.aggregate_conv.weight")?, None, Some(bias))?;
+        let config = checkpoint.config.clone();
+        let layers = config
+            .encoder_layers()
+            .into_iter()
+            .map(|layer| Layer::new(&gemm, checkpoint, layer))
+            .collect::<Result<_>>()?;
+        let temperature = match config.trained_temperature {
+            true => *checkpoint
+                .tensor(TEMPERATURE)?
+                .data
+                .first()
+                .ok_or_else(|| Error::input(format!("tensor `{TEMPERATURE}` is empty")))?,
+            false => config.temperature as f32,
+        };
         Ok(Self {
-            config: checkpoint.config.clone(),
-            blocks,
-            aggregation,
+            config,
+            layers,
+            temperature,
         })
     }
 
@@ -131,29 +129,16 @@ impl Encoder {
             front,
             back,
         } = workspace;
-        offsets.resize_with(2 * self.blocks.len() + 1, Im2ColOffsets::default);
+        offsets.resize_with(self.layers.len(), Im2ColOffsets::default);
         let mut size = size;
         front.clear();
         front.extend_from_slice(input);
-        for (block, offsets) in self.blocks.iter().zip(offsets.chunks_exact_mut(2)) {
-            let channels = block.first.outputs();
-            back.resize(channels * size[0] * size[1], 0.0);
-            block.first.run(gemm, &mut offsets[0], front, size, back)?;
-            back.iter_mut().for_each(|v| *v = v.max(0.0));
-            front.resize(channels * size[0] * size[1], 0.0);
-            block.second.run(gemm, &mut offsets[1], back, size, front)?;
-            let to = pooled(size);
-            back.resize(channels * to[0] * to[1], 0.0);
-            max_pool_affine_relu(front, size, &block.scale, &block.shift, back);
-            std::mem::swap(front, back);
-            size = to;
+        for (layer, offsets) in self.layers.iter().zip(offsets) {
+            size = layer.run(gemm, offsets, front, back, size)?;
         }
-        back.resize(self.keypoints() * size[0] * size[1], 0.0);
-        self.aggregation
-            .run(gemm, &mut offsets[2 * self.blocks.len()], front, size, back)?;
-        let keypoints: Vec<[f32; 2]> = back
+        let keypoints: Vec<[f32; 2]> = front
             .chunks_exact(size[0] * size[1])
-            .map(|map| soft_argmax(map, size[0]))
+            .map(|map| soft_argmax(map, size[0], self.temperature))
             .collect();
         match keypoints
             .iter()
@@ -174,18 +159,77 @@ impl Encoder {
             .input_size
             .unwrap_or(image_size.map(|side| side as usize));
         let ndc_from_latent = input.map(|side| {
-            // Pooling once puts cell k at pixel 2k - 0.5 of its input; three times at 8k - 3.5.
-            let (mut stride, mut first, mut cells) = (1.0, 0.0, side);
-            for _ in &self.blocks {
-                first -= 0.5 * stride;
-                stride *= 2.0;
-                cells = cells / 2 + 1;
+            // The pixel of the first cell, the pixels from a cell to the next, the number of cells.
+            let (mut first, mut stride, mut cells) = (0.0, 1.0, side);
+            for Layer { shape, .. } in &self.layers {
+                first += stride * ((shape.kernel - 1) as f64 / 2.0 - shape.padding as f64);
+                stride *= shape.stride as f64;
+                cells = shape.output_side(cells).unwrap_or(1);
+                if shape.pool {
+                    first -= 0.5 * stride;
+                    stride *= 2.0;
+                }
             }
             let last = first + stride * (cells - 1) as f64;
             let ndc = |pixel: f64| (2.0 * pixel + 1.0) / side as f64 - 1.0;
             [(ndc(last) - ndc(first)) / 2.0, (ndc(last) + ndc(first)) / 2.0]
         });
         LatentGrid { ndc_from_latent }
+    }
+}
+
+impl Layer {
+    fn new(gemm: &GemmExecutor, checkpoint: &Checkpoint, shape: ConvLayer) -> Result<Self> {
+        let weight = checkpoint.tensor(&format!("{}.weight", shape.name))?;
+        let norm = shape
+            .norm
+            .as_ref()
+            .map(|name| batch_norm(checkpoint, name))
+            .transpose()?;
+        let (conv, after_pool) = match norm {
+            None => {
+                let bias = checkpoint.tensor(&format!("{}.bias", shape.name))?.data.clone();
+                (Conv::new(gemm, &shape, weight, None, Some(bias))?, None)
+            }
+            Some(norm) if shape.pool => (Conv::new(gemm, &shape, weight, None, None)?, Some(norm)),
+            Some((scale, shift)) => (Conv::new(gemm, &shape, weight, Some(&scale), Some(shift))?, None),
+        };
+        Ok(Self {
+            shape,
+            conv,
+            after_pool,
+        })
+    }
+
+    /// Takes `front`, of `size`, and leaves the result there; returns its size.
+    fn run(
+        &self,
+        gemm: &GemmExecutor,
+        offsets: &mut Im2ColOffsets,
+        front: &mut Vec<f32>,
+        back: &mut Vec<f32>,
+        size: [usize; 2],
+    ) -> Result<[usize; 2]> {
+        let sides = size.map(|side| (self.shape.convolved_side(side), self.shape.output_side(side)));
+        let [(Some(width), Some(to_width)), (Some(height), Some(to_height))] = sides else {
+            return Err(Error::input(format!(
+                "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
+                self.shape.name, size[0], size[1], self.shape.kernel, self.shape.kernel
+            )));
+        };
+        let channels = self.conv.outputs();
+        back.resize(channels * width * height, 0.0);
+        self.conv.run(gemm, offsets, front, size, back, [width, height])?;
+        if let Some((scale, shift)) = &self.after_pool {
+            front.resize(channels * to_width * to_height, 0.0);
+            max_pool_affine_relu(back, [width, height], scale, shift, front);
+        } else {
+            if self.shape.relu {
+                back.iter_mut().for_each(|v| *v = v.max(0.0));
+            }
+            std::mem::swap(front, back);
+        }
+        Ok([to_width, to_height])
     }
 }
 

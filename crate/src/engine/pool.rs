@@ -1,7 +1,7 @@
 //! Max-pooling followed by the batch norm and ReLU that come after it.
 
 /// The size that pooling makes of `size`.
-pub(super) fn pooled(size: [usize; 2]) -> [usize; 2] {
+fn pooled(size: [usize; 2]) -> [usize; 2] {
     size.map(|side| side / 2 + 1)
 }
 

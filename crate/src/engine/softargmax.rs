@@ -1,17 +1,19 @@
 //! The spatial soft-argmax that turns a feature map into a keypoint.
 
 /// The expected position (x, y) under the softmax of a `width` x `height` map; -1 and +1 are the centres of the
-/// border cells (paper, section 2; temperature 1).
+/// border cells (paper, section 2).
 ///
 /// The maximum is subtracted first, so that no activation overflows; sums are in f64.
-pub(super) fn soft_argmax(map: &[f32], width: usize) -> [f32; 2] {
+pub(super) fn soft_argmax(map: &[f32], width: usize, temperature: f32) -> [f32; 2] {
     let height = map.len() / width;
-    let max = map.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    // A trained temperature may be negative: what counts is the largest quotient.
+    let activation = |value: &f32| value / temperature;
+    let max = map.iter().map(activation).fold(f32::NEG_INFINITY, f32::max);
     let (mut total, mut along_x, mut along_y) = (0.0f64, 0.0f64, 0.0f64);
     for (y, row) in map.chunks_exact(width).enumerate() {
         let mut row_total = 0.0f64;
         for (x, value) in row.iter().enumerate() {
-            let weight = f64::from((value - max).exp());
+            let weight = f64::from((activation(value) - max).exp());
             row_total += weight;
             along_x += weight * cell(x, width);
         }

@@ -1,48 +1,47 @@
 use burn::module::{Module, Param};
-use burn::nn::conv::Conv2d;
 use burn::prelude::{Tensor, TensorData};
+use burn::tensor::activation::relu;
 
-use super::kernels::conv;
 use super::weights::Loader;
-use super::{BatchNorm, grid};
-use crate::checkpoint::SaeConfig;
+use super::{ConvBlock, grid};
+use crate::checkpoint::{BACKGROUND, DENSE, Family, SIGMA, SaeConfig};
 use crate::error::Result;
 
 /// Keeps the products of profiles out of the subnormal numbers, on which a CPU's convolutions are several times
 /// slower. It adds 1e-16 to maps of height 1, far below the resolution of an f32 (6e-8).
 const PROFILE_FLOOR: f64 = 1e-16;
 
-/// The decoder of a Basic SAE: Gaussian maps at the target size, three convolutions, a 1 x 1 convolution to
-/// RGB, and with `-bg` a bias image.
+/// The decoder of an SAE: Gaussian maps and convolutions to RGB, for a DSAE one dense layer; with `-bg` a bias image.
 #[derive(Module, Debug)]
 pub struct Decoder {
-    /// N points to N maps.
+    /// N points to N maps; a DSAE does not use it.
     pub gaussian_sampling: GaussianMaps,
-    /// N maps to the first count.
-    pub conv1: Conv2d,
-    /// Over the first count.
-    pub bn1: BatchNorm,
-    /// First count to the second.
-    pub conv2: Conv2d,
-    /// Over the second count.
-    pub bn2: BatchNorm,
-    /// Second count to the third.
-    pub conv3: Conv2d,
-    /// Over the third count.
-    pub bn3: BatchNorm,
-    /// Third count to RGB, 1 x 1, with bias.
-    pub aggregate_conv: Conv2d,
+    /// From N maps to RGB; none in a DSAE.
+    pub layers: Vec<ConvBlock>,
+    /// The dense layer of a DSAE.
+    pub dense: Option<Dense>,
     /// The bias image of `-bg`.
     pub background_bias: Option<BackgroundBias>,
+    size: [usize; 2],
 }
 
 /// Paints every point as a blob `exp(-d² / σ²)`, where d is the distance in latent units.
 #[derive(Module, Debug)]
 pub struct GaussianMaps {
-    /// The trained σ of `-std`: `[1]`. Its sign has no meaning.
+    /// The trained σ of `-std`: `[1]`, or `[N]` with one a keypoint. Its sign has no meaning.
     pub std: Option<Param<Tensor<1>>>,
     fixed: f64,
+    limit: Option<f64>,
     size: [usize; 2],
+}
+
+/// From 2N coordinates (y, x, y, x, …) to all values of an image.
+#[derive(Module, Debug)]
+pub struct Dense {
+    /// `[3 h w, 2 N]`
+    pub weight: Param<Tensor<2>>,
+    /// `[3 h w]`
+    pub bias: Param<Tensor<1>>,
 }
 
 /// An image that is added to the reconstruction: whatever never moves.
@@ -55,27 +54,21 @@ pub struct BackgroundBias {
 impl Decoder {
     pub(super) fn load(weights: &Loader, config: &SaeConfig) -> Result<Self> {
         let architecture = config.architecture;
+        let is_dsae = architecture.family == Family::Dsae;
         Ok(Self {
-            gaussian_sampling: GaussianMaps {
-                std: architecture
-                    .trained_sigma
-                    .then(|| weights.parameter("decoder.gaussian_sampling.std"))
-                    .transpose()?,
-                fixed: config.sigma,
-                size: config.target_size,
-            },
-            conv1: weights.conv("decoder.conv1")?,
-            bn1: weights.batch_norm("decoder.bn1")?,
-            conv2: weights.conv("decoder.conv2")?,
-            bn2: weights.batch_norm("decoder.bn2")?,
-            conv3: weights.conv("decoder.conv3")?,
-            bn3: weights.batch_norm("decoder.bn3")?,
-            aggregate_conv: weights.conv("decoder.aggregate_conv")?,
+            gaussian_sampling: GaussianMaps::load(weights, config)?,
+            layers: config
+                .decoder_layers()
+                .iter()
+                .map(|layer| ConvBlock::load(weights, layer))
+                .collect::<Result<_>>()?,
+            dense: is_dsae.then(|| Dense::load(weights)).transpose()?,
             background_bias: architecture
                 .background
-                .then(|| weights.parameter("decoder.background_bias.bias"))
+                .then(|| weights.parameter(BACKGROUND))
                 .transpose()?
                 .map(|bias| BackgroundBias { bias }),
+            size: config.target_size,
         })
     }
 
@@ -85,11 +78,17 @@ impl Decoder {
     /// - `latent`: `[B, N, 2]`, (y, x)
     /// - output: `[B, 3, h, w]`
     pub fn forward(&self, latent: Tensor<3>) -> Tensor<4> {
-        let x = self.gaussian_sampling.forward(latent);
-        let x = self.bn1.forward_relu(conv(&self.conv1, x));
-        let x = self.bn2.forward_relu(conv(&self.conv2, x));
-        let x = self.bn3.forward_relu(conv(&self.conv3, x));
-        let x = conv(&self.aggregate_conv, x);
+        let [batch, points, _] = latent.dims();
+        let [width, height] = self.size;
+        let mut x = match &self.dense {
+            Some(dense) => dense
+                .forward(latent.reshape([batch, 2 * points]))
+                .reshape([batch, 3, height, width]),
+            None => self.gaussian_sampling.forward(latent),
+        };
+        for layer in &self.layers {
+            x = layer.forward(x);
+        }
         match &self.background_bias {
             Some(background) => x + background.bias.val().unsqueeze::<4>(),
             None => x,
@@ -97,8 +96,35 @@ impl Decoder {
     }
 }
 
+impl Dense {
+    fn load(weights: &Loader) -> Result<Self> {
+        Ok(Self {
+            weight: weights.parameter(&format!("{DENSE}.weight"))?,
+            bias: weights.parameter(&format!("{DENSE}.bias"))?,
+        })
+    }
+
+    fn forward(&self, input: Tensor<2>) -> Tensor<2> {
+        input.matmul(self.weight.val().transpose()) + self.bias.val().unsqueeze::<2>()
+    }
+}
+
 impl GaussianMaps {
-    /// One map a point, 1 at the point; -1 and 1 are the centres of the border pixels.
+    fn load(weights: &Loader, config: &SaeConfig) -> Result<Self> {
+        Ok(Self {
+            std: config
+                .architecture
+                .trained_sigma
+                .then(|| weights.vector(SIGMA))
+                .transpose()?,
+            fixed: config.sigma,
+            limit: config.sigma_limit,
+            size: config.map_size(),
+        })
+    }
+
+    /// One map a point, 1 at the point (1 minus the height at the limit, where there is one); -1 and 1 are the centres of
+    /// the border pixels.
     ///
     /// A blob is the outer product of its profile along y and its profile along x.
     ///
@@ -115,12 +141,20 @@ impl GaussianMaps {
             let distance = grid.reshape([1, 1, length]) - centre;
             let squared = distance.square();
             let exponent = match &self.std {
-                Some(std) => squared / std.val().square().reshape([1, 1, 1]),
+                Some(std) => {
+                    let std = std.val();
+                    let [count] = std.dims();
+                    squared / std.square().reshape([1, count, 1])
+                }
                 None => squared / (self.fixed * self.fixed),
             };
             exponent.neg().exp() + PROFILE_FLOOR
         };
-        axis(0, height).reshape([batch, points, height, 1])
-            * axis(1, width).reshape([batch, points, 1, width])
+        let maps = axis(0, height).reshape([batch, points, height, 1])
+            * axis(1, width).reshape([batch, points, 1, width]);
+        match self.limit {
+            Some(limit) => relu(maps - (-limit * limit).exp()),
+            None => maps,
+        }
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! An SAE squeezes an image through N points: the [`Encoder`] turns every feature map into the position of its
 //! attention, the [`Decoder`] paints a Gaussian blob a point and reconstructs the image from the blobs. What
-//! the modules compute, layer by layer and in the order of the axes, is what the paper's authors' code computes;
-//! field names are the names of their state dict, so that a [`Checkpoint`] maps onto the module tree by path.
+//! the modules compute, layer by layer and in the order of the axes, is what the paper's authors' code computes.
+//! All families are one module tree, whose layers are the [`ConvLayer`]s of a configuration; a [`Checkpoint`] names
+//! its tensors as their state dict does.
 //!
 //! Inside this module a latent point is (y, x), as in the authors' code. [`points_xy`] is the border to the
 //! rest of the crate, which speaks (x, y).
@@ -18,7 +19,7 @@
 //!
 //! # fn main() -> tracklens::error::Result<()> {
 //! let device = Device::flex();
-//! let config = SaeConfig::basic(Architecture::BASIC);
+//! let config = SaeConfig::new(Architecture::BASIC);
 //! let sae = Sae::init(&config, 0, &device)?;
 //! let output = sae.forward(Tensor::zeros([1, 3, 32, 32], &device));
 //! assert_eq!(output.latent.dims(), [1, 16, 2]);
@@ -28,6 +29,7 @@
 //! ```
 
 mod batch_norm;
+mod conv;
 mod decoder;
 mod encoder;
 mod init;
@@ -36,17 +38,21 @@ mod softargmax;
 mod weights;
 
 pub use batch_norm::BatchNorm;
-pub use decoder::{BackgroundBias, Decoder, GaussianMaps};
-pub use encoder::{ConvBlock, Encoder};
+pub use conv::ConvBlock;
+pub use decoder::{BackgroundBias, Decoder, Dense, GaussianMaps};
+pub use encoder::Encoder;
 pub use init::fresh_weights;
 pub use softargmax::spatial_softargmax;
 
 use std::collections::BTreeMap;
 
 use burn::prelude::{Device, Module, Tensor, TensorData};
+use burn::tensor::Gradients;
 use ndarray::Array3;
 
-use crate::checkpoint::{Checkpoint, SaeConfig};
+#[cfg(doc)]
+use crate::checkpoint::ConvLayer;
+use crate::checkpoint::{self, Checkpoint, SaeConfig};
 use crate::error::{Error, Result};
 use weights::{Loader, collect};
 
@@ -105,9 +111,21 @@ impl Sae {
     ) -> Result<Checkpoint> {
         Ok(Checkpoint {
             config: config.clone(),
-            tensors: collect(self)?,
+            tensors: collect(self, config)?,
             metadata,
         })
+    }
+
+    /// The gradients of its weights by their names in the state dict; weights that got none are left out.
+    ///
+    /// # Errors
+    /// When the device does not give the values back.
+    pub fn gradients(
+        &self,
+        gradients: &Gradients,
+        config: &SaeConfig,
+    ) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+        weights::gradients(self, gradients, config)
     }
 
     /// Encodes and decodes.
@@ -140,7 +158,7 @@ pub fn points_xy(latent: Tensor<3>) -> Result<Array3<f64>> {
 }
 
 /// The f32 values of a tensor that was read back from a device.
-fn host_values(data: TensorData) -> Result<Vec<f32>> {
+pub(crate) fn host_values(data: TensorData) -> Result<Vec<f32>> {
     data.try_into_vec::<f32>()
         .map_err(|e| Error::numeric(format!("the device returned no f32 values: {e:?}")))
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::SaeConfig;
+use crate::data::Split;
 use crate::error::{Error, Result};
 
 /// Everything that decides what a training computes.
@@ -23,16 +24,39 @@ pub struct TrainConfig {
     pub noise: f32,
     /// Which sequences are for training and which for validation.
     pub split: Split,
+    /// Weight of the velocity loss; the paper's is [`Architecture::velocity_weight`].
+    ///
+    /// [`Architecture::velocity_weight`]: crate::checkpoint::Architecture::velocity_weight
+    pub velocity_weight: f64,
+    /// Leaves out the snippets that do not fill a batch, in training and in validation, as the authors' code does. The
+    /// paper does not mention it.
+    pub drop_last: bool,
+    /// The frames that the metric of an epoch is computed on.
+    pub validation_frames: ValidationFrames,
+    /// How targets are resized.
+    pub target_filter: TargetFilter,
 }
 
-/// The shares of sequences for training and validation; the rest is left for testing.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Split {
-    /// Share for training, above 0.
-    pub training: f64,
-    /// Share for validation, above 0.
-    pub validation: f64,
+/// The frames of the validation sequences that the metric is computed on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ValidationFrames {
+    /// The first frame of every snippet, as in the authors' code: the last two frames of a sequence do not count.
+    #[default]
+    First,
+    /// Every frame, as in the paper's text.
+    All,
+}
+
+/// How targets are resized to the target size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TargetFilter {
+    /// Bilinear without antialiasing, as the authors' pinned torchvision does.
+    #[default]
+    Bilinear,
+    /// Bilinear with antialiasing, as later torchvisions do.
+    BilinearAntialias,
 }
 
 impl TrainConfig {
@@ -40,16 +64,20 @@ impl TrainConfig {
     /// learning rate 0.001, noise 0.001; half of the sequences for training, a quarter for validation.
     pub fn new(sae: SaeConfig) -> Self {
         Self {
+            velocity_weight: sae.architecture.velocity_weight(),
             sae,
             epochs: 500,
             seed: 0,
             batch: 32,
             learning_rate: 1e-3,
             noise: 1e-3,
-            split: Split {
+            split: Split::Shares {
                 training: 0.5,
                 validation: 0.25,
             },
+            drop_last: true,
+            validation_frames: ValidationFrames::First,
+            target_filter: TargetFilter::Bilinear,
         }
     }
 
@@ -74,14 +102,13 @@ impl TrainConfig {
         if !(self.noise.is_finite() && self.noise >= 0.0) {
             return wrong("the noise", &self.noise, "0 or a positive number");
         }
-        let Split { training, validation } = self.split;
-        if !(training > 0.0 && validation > 0.0 && training + validation <= 1.0 + 1e-9) {
+        if !(self.velocity_weight.is_finite() && self.velocity_weight >= 0.0) {
             return wrong(
-                "the split",
-                &format_args!("{training}, {validation}"),
-                "two positive shares that add up to at most 1",
+                "the weight of the velocity loss",
+                &self.velocity_weight,
+                "0 or a positive number",
             );
         }
-        Ok(())
+        self.split.validate()
     }
 }

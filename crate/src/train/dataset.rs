@@ -147,6 +147,21 @@ impl Dataset {
     }
 }
 
+impl Dataset {
+    /// Inputs and targets of frames, given by sequence and index, one after the other.
+    ///
+    /// # Errors
+    /// When a frame cannot be read any more.
+    pub fn gather(&self, frames: &[(&Sequence, usize)]) -> Result<(Vec<f32>, Vec<f32>)> {
+        let (mut inputs, mut targets) = (Vec::new(), Vec::new());
+        for (sequence, t) in frames {
+            sequence.push_input(*t, &mut inputs);
+            targets.extend_from_slice(sequence.target(*t));
+        }
+        Ok((inputs, targets))
+    }
+}
+
 impl Sequence {
     /// The number of frames T.
     pub fn len(&self) -> usize {

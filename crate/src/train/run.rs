@@ -1,8 +1,8 @@
 //! A whole training and its folder.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::Write as _;
+use std::fs::{self, File, OpenOptions};
+use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::time::Instant;
 
@@ -11,17 +11,22 @@ use rand::seq::SliceRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
+use super::state::{self, Progress};
+use super::validation::Validation;
 use super::{Dataset, Losses, SNIPPET, Sequence, TrainConfig, Trainer};
 use crate::atomic;
+use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
-use crate::metric::{Accumulator, NonFinite, Object, Settings};
-use crate::model::{fresh_weights, points_xy};
 use crate::report::EvaluationReport;
 
-/// Snippets of the validation sequences that pass the encoder together.
-const VALIDATION_BATCH: usize = 32;
+const CONFIG: &str = "config.json";
+const LOG: &str = "log.jsonl";
+const SUMMARY: &str = "summary.json";
+const BEST: &str = "checkpoint_best.safetensors";
+const FINAL: &str = "checkpoint_final.safetensors";
 
 /// One line of `log.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,8 +41,9 @@ pub struct EpochLog {
     pub validation: Losses,
     /// Tracking capability on the validation sequences (affine map, fitted and scored on the same frames).
     pub tc: f64,
-    /// Tracking error of the best keypoint of every object there; null when it is visible nowhere.
-    pub errors: BTreeMap<String, Option<f64>>,
+    /// Tracking error there of the best keypoint, by the map (`identity`, `scale-translate`, `affine`) and the object; null
+    /// when the object is visible nowhere.
+    pub errors: BTreeMap<String, BTreeMap<String, Option<f64>>>,
 }
 
 /// What a training came to; `summary.json`.
@@ -51,7 +57,7 @@ pub struct TrainSummary {
     pub epochs: u32,
     /// The epoch with the lowest validation loss: `checkpoint_best.safetensors`.
     pub best_epoch: u32,
-    /// Wall time.
+    /// Wall time, over all parts of a resumed run.
     pub seconds: f64,
     /// The last epoch: `checkpoint_final.safetensors`.
     pub last: Option<EpochLog>,
@@ -59,9 +65,24 @@ pub struct TrainSummary {
     pub evaluation: Option<EvaluationReport>,
 }
 
+/// What to do with a folder that holds a run already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// Leave it and say so.
+    Refuse,
+    /// Go on after its last whole epoch; start where there is none.
+    Resume,
+}
+
+/// `config.json`: everything that a run depends on.
 #[derive(Serialize)]
 struct RunConfig<'a> {
     version: &'static str,
+    /// The commit that was built; null when it was not built from a repository.
+    git_hash: Option<&'static str>,
+    burn: &'static str,
+    target: String,
+    threads: usize,
     #[serde(flatten)]
     train: &'a TrainConfig,
     input_size: [usize; 2],
@@ -70,18 +91,26 @@ struct RunConfig<'a> {
     validation_sequences: Vec<&'a str>,
 }
 
+/// What a resumed run may change without computing something else than an uninterrupted one.
+const MAY_CHANGE: [&str; 6] = ["version", "git_hash", "burn", "target", "threads", "epochs"];
+
 /// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch), `checkpoint_best.safetensors`
-/// and `checkpoint_final.safetensors` (every epoch anew, each whole or not at all), `summary.json`.
+/// and `checkpoint_final.safetensors` (every epoch anew), `state.safetensors` (what a resumed run starts from) and
+/// `summary.json`. Each file is whole at any moment; a run that ends anywhere goes on with [`Existing::Resume`] and comes
+/// to the same weights as one that was never interrupted, bit by bit, on the same machine with the same number of threads.
 ///
-/// When cancelled, the weights of that moment are saved as the final checkpoint and the summary says so.
+/// `weights` are what an untrained SAE starts from, of the configuration in `config` with the data set's input size. When
+/// cancelled, the summary says so, and everything of the last whole epoch is kept.
 ///
 /// # Errors
-/// When the configuration or the data set does not allow training, the folder holds a run already or cannot be written,
-/// or the loss is not finite (with the epoch and what to try).
+/// When the configuration or the data set does not allow training, the folder holds a run already (or, resuming, another
+/// one) or cannot be written, or the loss is not finite (with the epoch and what to try).
 pub fn train(
     config: &TrainConfig,
     dataset: &Dataset,
+    weights: &Checkpoint,
     out: &Path,
+    existing: Existing,
     report: &mut dyn FnMut(Event),
     cancel: &Cancel,
 ) -> Result<TrainSummary> {
@@ -92,78 +121,65 @@ pub fn train(
         .iter()
         .flat_map(|s| (0..s.snippets()).map(move |start| (*s, start)))
         .collect();
-    let steps = snippets.len() / config.batch;
+    let steps = match config.drop_last {
+        true => snippets.len() / config.batch,
+        false => snippets.len().div_ceil(config.batch),
+    };
     if steps == 0 {
         return Err(Error::mismatch(format!(
             "{} training sequences hold {} snippets of {SNIPPET} frames; a batch needs {}: give more sequences or a \
-             smaller batch",
+             smaller batch, or keep the last, smaller one",
             training.len(),
             snippets.len(),
             config.batch
         )));
     }
-    create_folder(out)?;
-    write_json(
-        &out.join("config.json"),
-        &RunConfig {
-            version: env!("CARGO_PKG_VERSION"),
-            train: config,
-            input_size: dataset.input_size,
-            objects: &dataset.objects,
-            training_sequences: training.iter().map(|s| s.name.as_str()).collect(),
-            validation_sequences: validation.iter().map(|s| s.name.as_str()).collect(),
-        },
-    )?;
-    let log_path = out.join("log.jsonl");
-    let mut log = File::create(&log_path).map_err(|e| Error::io(log_path.display(), &e))?;
-
-    // The input size belongs to the weights from here on: extraction resizes to it.
-    let mut sae = config.sae.clone();
-    sae.input_size = Some(dataset.input_size);
-    let mut trainer = Trainer::new(&fresh_weights(&sae, config.seed), config.learning_rate)?;
-    let training_json = serde_json::to_string(config).map_err(|e| unwritable(&e))?;
-    let save = |trainer: &Trainer, name: &str, epoch: u32| {
-        let metadata = BTreeMap::from([
-            ("tracklens.training".to_owned(), training_json.clone()),
-            (
-                "tracklens.version".to_owned(),
-                env!("CARGO_PKG_VERSION").to_owned(),
-            ),
-            ("tracklens.epoch".to_owned(), epoch.to_string()),
-        ]);
-        atomic::write(&out.join(name), &trainer.checkpoint(metadata)?.to_safetensors()?)
+    let names = |part: &[&'_ Sequence]| part.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    let (training_names, validation_names) = (names(&training), names(&validation));
+    let run = RunConfig {
+        version: env!("CARGO_PKG_VERSION"),
+        git_hash: option_env!("TRACKLENS_GIT_HASH"),
+        burn: "0.22.1",
+        target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
+        threads: rayon::current_num_threads(),
+        train: config,
+        input_size: dataset.input_size,
+        objects: &dataset.objects,
+        training_sequences: training_names.iter().map(String::as_str).collect(),
+        validation_sequences: validation_names.iter().map(String::as_str).collect(),
     };
+    let mut folder = RunFolder::open(out, existing, &run, config)?;
+    let mut trainer = match folder.resumed.take() {
+        Some((weights, optimizer)) => {
+            let mut trainer = Trainer::new(&weights, config.learning_rate)?;
+            trainer.load_optimizer(optimizer)?;
+            trainer
+        }
+        None => Trainer::new(weights, config.learning_rate)?,
+    }
+    .with_velocity_weight(config.velocity_weight);
+    let validation = Validation::new(validation, config);
 
     let start = Instant::now();
-    let total = u64::from(config.epochs) * steps as u64;
+    let before = folder.progress.summary.seconds;
+    let first = folder.progress.summary.epochs + 1;
+    let mut done = u64::from(first - 1) * steps as u64;
     report(Event::Started {
-        what: format!("training {}", config.sae.architecture),
-        total,
+        what: format!("training {}", config.sae.name()),
+        total: u64::from(config.epochs) * steps as u64,
     });
-    let mut summary = TrainSummary {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        interrupted: false,
-        epochs: 0,
-        best_epoch: 0,
-        seconds: 0.0,
-        last: None,
-        evaluation: None,
-    };
-    let mut best = f64::INFINITY;
-    let mut done = 0;
-    for epoch in 1..=config.epochs {
+    for epoch in first..=config.epochs {
         let epoch_start = Instant::now();
         // A stream of its own for every epoch: what an epoch draws does not hang on how many came before.
         let mut rng = StdRng::seed_from_u64(config.seed ^ (u64::from(epoch) << 32));
         let mut order = snippets.clone();
         order.shuffle(&mut rng);
         let mut sum = Losses::default();
-        for batch in order.chunks_exact(config.batch) {
+        for batch in order.chunks(config.batch).take(steps) {
             if cancel.is_cancelled() {
-                summary.interrupted = true;
                 break;
             }
-            let (inputs, targets) = gather(batch, Some((config.noise, &mut rng)));
+            let (inputs, targets) = gather(dataset, batch, config.noise, &mut rng)?;
             let losses = trainer
                 .step(inputs, targets, dataset.input_size)
                 .map_err(|e| diagnose(&e, epoch, config))?;
@@ -171,26 +187,31 @@ pub fn train(
             sum.reconstruction += losses.reconstruction;
             sum.velocity += losses.velocity;
             done += 1;
-            let tracked = summary
-                .last
-                .as_ref()
-                .map(|l| format!(", TC {:.2}", l.tc))
-                .unwrap_or_default();
+            let last = folder.progress.summary.last.as_ref();
+            let tracked = last.map(|l| format!(", TC {:.2}", l.tc)).unwrap_or_default();
             let note = format!(
                 "epoch {epoch}/{}, loss {:.5}{tracked}",
                 config.epochs, losses.total
             );
             report(Event::Progress { done, note });
         }
-        if summary.interrupted {
-            report(Event::Warning(format!(
-                "stopped in epoch {epoch}; the weights of this moment are saved"
-            )));
-            save(&trainer, "checkpoint_final.safetensors", summary.epochs)?;
-            break;
-        }
+        let outcome = match cancel.check() {
+            Ok(()) => validation.run(&trainer, dataset, cancel),
+            Err(cancelled) => Err(cancelled),
+        };
+        let outcome = match outcome {
+            Err(e) if e.kind() == ErrorKind::Cancelled => {
+                folder.progress.summary.interrupted = true;
+                report(Event::Warning(format!(
+                    "stopped in epoch {epoch}; what was reached after epoch {} is kept, and a resumed run goes on from \
+                     there",
+                    epoch - 1
+                )));
+                break;
+            }
+            outcome => outcome?,
+        };
         let mean = |v: f64| v / steps as f64;
-        let (validation_losses, evaluation) = validate(&trainer, dataset, &validation)?;
         let entry = EpochLog {
             epoch,
             seconds: epoch_start.elapsed().as_secs_f64(),
@@ -199,112 +220,215 @@ pub fn train(
                 reconstruction: mean(sum.reconstruction),
                 velocity: mean(sum.velocity),
             },
-            validation: validation_losses,
-            tc: evaluation.tc,
-            errors: evaluation
-                .objects
-                .iter()
-                .map(|o| (o.name.clone(), o.error))
-                .collect(),
+            validation: outcome.losses,
+            tc: outcome.evaluation.tc,
+            errors: outcome.errors,
         };
-        save(&trainer, "checkpoint_final.safetensors", epoch)?;
-        if entry.validation.total < best {
-            best = entry.validation.total;
-            summary.best_epoch = epoch;
-            save(&trainer, "checkpoint_best.safetensors", epoch)?;
-        }
-        let line = serde_json::to_string(&entry).map_err(|e| unwritable(&e))?;
-        writeln!(log, "{line}")
-            .and_then(|()| log.sync_data())
-            .map_err(|e| Error::io(log_path.display(), &e))?;
-        summary.epochs = epoch;
-        summary.last = Some(entry);
-        summary.evaluation = Some(evaluation);
+        folder.progress.summary.seconds = before + start.elapsed().as_secs_f64();
+        folder.finish_epoch(&trainer, config, entry, outcome.evaluation)?;
     }
-    summary.seconds = start.elapsed().as_secs_f64();
-    write_json(&out.join("summary.json"), &summary)?;
+    let mut summary = folder.progress.summary;
+    summary.seconds = before + start.elapsed().as_secs_f64();
+    write_json(&out.join(SUMMARY), &summary)?;
     report(Event::Done);
     Ok(summary)
 }
 
-/// Training and validation sequences, drawn by the seed.
+/// The files of a run.
+struct RunFolder<'a> {
+    path: &'a Path,
+    log: File,
+    progress: Progress,
+    /// Weights and optimizer of a run that goes on.
+    resumed: Option<(Checkpoint, Vec<u8>)>,
+}
+
+impl<'a> RunFolder<'a> {
+    fn open(path: &'a Path, existing: Existing, run: &RunConfig, config: &TrainConfig) -> Result<Self> {
+        let has_state = path.join(state::FILE).exists();
+        if existing == Existing::Refuse && (has_state || path.join(FINAL).exists()) {
+            return Err(Error::input(format!(
+                "{} holds a run already; resume it (--resume), give another folder, or delete it",
+                path.display()
+            )));
+        }
+        fs::create_dir_all(path).map_err(|e| Error::io(path.display(), &e))?;
+        let mut progress = Progress {
+            summary: TrainSummary {
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                interrupted: false,
+                epochs: 0,
+                best_epoch: 0,
+                seconds: 0.0,
+                last: None,
+                evaluation: None,
+            },
+            best: None,
+            log_bytes: 0,
+        };
+        let mut resumed = None;
+        if has_state {
+            same_run(&path.join(CONFIG), run)?;
+            let (found, weights, optimizer) = state::load(path)?;
+            progress = found;
+            progress.summary.interrupted = false;
+            resumed = Some((weights, optimizer));
+            if progress.summary.epochs > config.epochs {
+                return Err(Error::mismatch(format!(
+                    "{} has come to epoch {}; expected at least as many epochs, not {}",
+                    path.display(),
+                    progress.summary.epochs,
+                    config.epochs
+                )));
+            }
+        }
+        write_json(&path.join(CONFIG), run)?;
+        let log_path = path.join(LOG);
+        let failed = |e: std::io::Error| Error::io(log_path.display(), &e);
+        let mut log = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&log_path)
+            .map_err(failed)?;
+        // A line of an epoch that was not finished is cut off; the epoch runs again.
+        let length = log.metadata().map_err(failed)?.len();
+        if length < progress.log_bytes {
+            return Err(Error::input(format!(
+                "{}: the log has {length} bytes, {} when its last epoch ended; was it edited? Start again in another \
+                 folder",
+                log_path.display(),
+                progress.log_bytes
+            )));
+        }
+        log.set_len(progress.log_bytes).map_err(failed)?;
+        log.seek(SeekFrom::End(0)).map_err(failed)?;
+        Ok(Self {
+            path,
+            log,
+            progress,
+            resumed,
+        })
+    }
+
+    /// Writes what an epoch came to. The state comes last: until it is there, the epoch has not happened.
+    fn finish_epoch(
+        &mut self,
+        trainer: &Trainer,
+        config: &TrainConfig,
+        entry: EpochLog,
+        evaluation: EvaluationReport,
+    ) -> Result<()> {
+        let mut line = serde_json::to_vec(&entry).map_err(|e| unwritable(&e))?;
+        line.push(b'\n');
+        self.log
+            .write_all(&line)
+            .and_then(|()| self.log.sync_data())
+            .map_err(|e| Error::io(self.path.join(LOG).display(), &e))?;
+        let progress = &mut self.progress;
+        progress.log_bytes += line.len() as u64;
+        let is_best = progress.best.is_none_or(|best| entry.validation.total < best);
+        if is_best {
+            progress.best = Some(entry.validation.total);
+            progress.summary.best_epoch = entry.epoch;
+        }
+        let metadata = BTreeMap::from([
+            (
+                "tracklens.training".to_owned(),
+                serde_json::to_string(config).map_err(|e| unwritable(&e))?,
+            ),
+            (
+                "tracklens.version".to_owned(),
+                env!("CARGO_PKG_VERSION").to_owned(),
+            ),
+            ("tracklens.epoch".to_owned(), entry.epoch.to_string()),
+        ]);
+        let checkpoint = trainer.checkpoint(metadata)?.to_safetensors()?;
+        if is_best {
+            atomic::write(&self.path.join(BEST), &checkpoint)?;
+        }
+        atomic::write(&self.path.join(FINAL), &checkpoint)?;
+        progress.summary.epochs = entry.epoch;
+        progress.summary.last = Some(entry);
+        progress.summary.evaluation = Some(evaluation);
+        state::save(self.path, trainer, progress)
+    }
+}
+
+/// Checks that the run in the folder computes the same as `run`.
+fn same_run(path: &Path, run: &RunConfig) -> Result<()> {
+    let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
+    let there: Value =
+        serde_json::from_slice(&bytes).map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
+    let here = serde_json::to_value(run).map_err(|e| unwritable(&e))?;
+    let mut differences = Vec::new();
+    compare("", &there, &here, &mut differences);
+    if differences.is_empty() {
+        return Ok(());
+    }
+    Err(Error::mismatch(format!(
+        "{} is of another run: {}; resume with what it was started with",
+        path.display(),
+        differences.join(", ")
+    )))
+}
+
+/// Collects in words where two configurations differ.
+fn compare(at: &str, there: &Value, here: &Value, differences: &mut Vec<String>) {
+    if let (Value::Object(there), Value::Object(here)) = (there, here) {
+        for key in there
+            .keys()
+            .chain(here.keys().filter(|k| !there.contains_key(*k)))
+        {
+            if !(at.is_empty() && MAY_CHANGE.contains(&key.as_str())) {
+                let at = if at.is_empty() {
+                    key.clone()
+                } else {
+                    format!("{at}.{key}")
+                };
+                let value = |map: &serde_json::Map<String, Value>| map.get(key).cloned().unwrap_or_default();
+                compare(&at, &value(there), &value(here), differences);
+            }
+        }
+    } else if there != here {
+        differences.push(match (there, here) {
+            (Value::Array(_), _) | (_, Value::Array(_)) => format!("`{at}` differs"),
+            _ => format!("`{at}` is {there} there and {here} here"),
+        });
+    }
+}
+
+/// Training and validation sequences.
 fn split<'a>(
     dataset: &'a Dataset,
     config: &TrainConfig,
     rng: &mut StdRng,
 ) -> Result<(Vec<&'a Sequence>, Vec<&'a Sequence>)> {
-    let total = dataset.sequences.len();
-    if total < 2 {
-        return Err(Error::mismatch(format!(
-            "{total} sequence to train and validate on; expected at least 2, since frames of one sequence are too alike"
-        )));
-    }
-    let mut order: Vec<usize> = (0..total).collect();
-    order.shuffle(rng);
-    let count = |share: f64| (share * total as f64).round() as usize;
-    let training = count(config.split.training).clamp(1, total - 1);
-    let validation = count(config.split.validation).clamp(1, total - training);
-    let (training, rest) = order.split_at_mut(training);
-    let validation = &mut rest[..validation];
-    validation.sort_unstable();
+    let parts = config
+        .split
+        .divide(dataset.sequences.len(), |order| order.shuffle(rng))?;
     let take = |part: &[usize]| part.iter().map(|i| &dataset.sequences[*i]).collect();
-    Ok((take(training), take(validation)))
+    Ok((take(&parts.training), take(&parts.validation)))
 }
 
-/// Inputs and targets of snippets, with noise on the inputs where it is given.
-fn gather(batch: &[(&Sequence, usize)], noise: Option<(f32, &mut StdRng)>) -> (Vec<f32>, Vec<f32>) {
-    let (mut inputs, mut targets) = (Vec::new(), Vec::new());
-    for (sequence, start) in batch {
-        for t in *start..start + SNIPPET {
-            sequence.push_input(t, &mut inputs);
-            targets.extend_from_slice(sequence.target(t));
-        }
-    }
-    if let Some((deviation, rng)) = noise
-        && deviation > 0.0
-    {
-        for value in &mut inputs {
-            *value += deviation * rng.sample::<f32, _>(StandardNormal);
-        }
-    }
-    (inputs, targets)
-}
-
-/// Losses over all snippets, and the metric over the first frame of each (as the authors evaluate).
-fn validate(
-    trainer: &Trainer,
+/// Inputs, with noise, and targets of snippets.
+fn gather(
     dataset: &Dataset,
-    sequences: &[&Sequence],
-) -> Result<(Losses, EvaluationReport)> {
-    let sae = trainer.valid();
-    let snippets: Vec<(&Sequence, usize)> = sequences
+    snippets: &[(&Sequence, usize)],
+    noise: f32,
+    rng: &mut StdRng,
+) -> Result<(Vec<f32>, Vec<f32>)> {
+    let frames: Vec<(&Sequence, usize)> = snippets
         .iter()
-        .flat_map(|s| (0..s.snippets()).map(move |start| (*s, start)))
+        .flat_map(|(sequence, start)| (*start..start + SNIPPET).map(move |t| (*sequence, t)))
         .collect();
-    let mut sum = Losses::default();
-    let mut accumulator: Option<Accumulator> = None;
-    for batch in snippets.chunks(VALIDATION_BATCH) {
-        let (inputs, targets) = gather(batch, None);
-        let (output, losses) = trainer.evaluate(&sae, inputs, targets, dataset.input_size)?;
-        let share = batch.len() as f64 / snippets.len() as f64;
-        sum.total += share * losses.total;
-        sum.reconstruction += share * losses.reconstruction;
-        sum.velocity += share * losses.velocity;
-        let points = points_xy(output.latent)?;
-        let accumulator = accumulator
-            .get_or_insert_with(|| Accumulator::new(points.dim().1, dataset.objects.len(), NonFinite::Error));
-        for ((sequence, start), keypoints) in batch.iter().zip(points.outer_iter().step_by(SNIPPET)) {
-            accumulator.push(keypoints, sequence.truth_ndc(*start))?;
+    let (mut inputs, targets) = dataset.gather(&frames)?;
+    if noise > 0.0 {
+        for value in &mut inputs {
+            *value += noise * rng.sample::<f32, _>(StandardNormal);
         }
     }
-    let accumulator = accumulator.ok_or_else(|| Error::numeric("there is no snippet to validate on"))?;
-    let objects: Vec<Object> = dataset
-        .objects
-        .iter()
-        .map(Object::with_default_threshold)
-        .collect();
-    let evaluation = accumulator.finish().evaluate(&objects, &Settings::default())?;
-    Ok((sum, EvaluationReport::new(&evaluation, None, None)))
+    Ok((inputs, targets))
 }
 
 fn diagnose(error: &Error, epoch: u32, config: &TrainConfig) -> Error {
@@ -316,20 +440,10 @@ fn diagnose(error: &Error, epoch: u32, config: &TrainConfig) -> Error {
         _ => "The checkpoints of the last whole epoch are kept",
     };
     Error::numeric(format!(
-        "{error} in epoch {epoch}: the training diverged at learning rate {:e}; try a smaller one (the paper's is 1e-3) \
+        "in epoch {epoch} {error}: the training diverged at learning rate {:e}; try a smaller one (the paper's is 1e-3) \
          or a larger batch than {}. {kept}",
         config.learning_rate, config.batch
     ))
-}
-
-fn create_folder(out: &Path) -> Result<()> {
-    if out.join("checkpoint_final.safetensors").exists() {
-        return Err(Error::input(format!(
-            "{} holds a run already; give another folder, or delete it",
-            out.display()
-        )));
-    }
-    fs::create_dir_all(out).map_err(|e| Error::io(out.display(), &e))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::{Device, Module, Tensor, TensorData};
+use burn::tensor::Bytes;
 
 use super::SNIPPET;
-use crate::checkpoint::{Checkpoint, SaeConfig};
+use crate::checkpoint::{self, Checkpoint, SaeConfig};
 use crate::error::{Error, Result};
-use crate::model::{Sae, SaeOutput};
+use crate::model::{Sae, SaeOutput, host_values};
 
 /// PyTorch's default; burn's is 1e-5, which is far from negligible against the small gradients here.
 const ADAM_EPSILON: f32 = 1e-8;
@@ -19,6 +20,7 @@ pub struct Trainer {
     sae: Sae,
     optimizer: ModuleOptimizer,
     learning_rate: f64,
+    velocity_weight: f64,
     device: Device,
 }
 
@@ -33,20 +35,69 @@ pub struct Losses {
     pub velocity: f64,
 }
 
+impl Losses {
+    /// The total of `reconstruction` and `velocity` with its weight, and the two.
+    pub(super) fn new(reconstruction: f64, velocity: f64, velocity_weight: f64) -> Self {
+        Self {
+            total: reconstruction + velocity_weight * velocity,
+            reconstruction,
+            velocity,
+        }
+    }
+}
+
 impl Trainer {
-    /// A trainer that starts from the weights of `checkpoint`, on burn's CPU device.
+    /// A trainer that starts from the weights of `checkpoint`, on burn's CPU device, with the velocity weight of its
+    /// architecture.
     ///
     /// # Errors
     /// As [`Sae::from_checkpoint`].
     pub fn new(checkpoint: &Checkpoint, learning_rate: f64) -> Result<Self> {
         let device = Device::flex().autodiff();
         Ok(Self {
+            velocity_weight: checkpoint.config.architecture.velocity_weight(),
             config: checkpoint.config.clone(),
             sae: Sae::from_checkpoint(checkpoint, &device)?,
             optimizer: AdamConfig::new().with_epsilon(ADAM_EPSILON).init(),
             learning_rate,
             device,
         })
+    }
+
+    /// The same with another weight of the velocity loss.
+    pub fn with_velocity_weight(self, velocity_weight: f64) -> Self {
+        Self {
+            velocity_weight,
+            ..self
+        }
+    }
+
+    /// The architecture and sizes.
+    pub fn config(&self) -> &SaeConfig {
+        &self.config
+    }
+
+    /// The state of the optimizer, for [`Trainer::load_optimizer`].
+    ///
+    /// # Errors
+    /// When the device does not give the values back.
+    pub fn optimizer_bytes(&self) -> Result<Vec<u8>> {
+        let bytes = self.optimizer.into_bytes();
+        bytes
+            .map(|bytes| bytes.to_vec())
+            .map_err(|e| Error::numeric(format!("the state of the optimizer cannot be stored: {e:?}")))
+    }
+
+    /// Goes on with the moments of Adam that [`Trainer::optimizer_bytes`] gave for the same architecture.
+    ///
+    /// # Errors
+    /// When the bytes are damaged.
+    pub fn load_optimizer(&mut self, bytes: Vec<u8>) -> Result<()> {
+        let optimizer = AdamConfig::new().with_epsilon(ADAM_EPSILON).init();
+        self.optimizer = optimizer
+            .from_bytes(Bytes::from_bytes_vec(bytes))
+            .map_err(|e| Error::input(format!("the state of the optimizer is damaged: {e:?}")))?;
+        Ok(())
     }
 
     /// One step of Adam on a batch of snippets.
@@ -62,13 +113,30 @@ impl Trainer {
         let targets = images(targets, self.config.target_size, &self.device)?;
         let (loss, losses) = self.losses(&self.sae.forward(inputs), targets)?;
         if !losses.total.is_finite() {
-            return Err(Error::numeric(format!("the loss is {}", losses.total)));
+            return Err(Error::numeric(self.diagnose(&losses)));
         }
         let gradients = GradientsParams::from_grads(loss.backward(), &self.sae);
         self.sae = self
             .optimizer
             .step(self.learning_rate, self.sae.clone(), gradients);
         Ok(losses)
+    }
+
+    /// The gradients of the total loss, by the names of the state dict, without a step; the batch enters the running statistics of
+    /// batch norm all the same.
+    ///
+    /// # Errors
+    /// When the number of values does not fit.
+    pub fn gradients(
+        &self,
+        inputs: Vec<f32>,
+        targets: Vec<f32>,
+        input_size: [usize; 2],
+    ) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+        let inputs = images(inputs, input_size, &self.device)?;
+        let targets = images(targets, self.config.target_size, &self.device)?;
+        let (loss, _) = self.losses(&self.sae.forward(inputs), targets)?;
+        self.sae.gradients(&loss.backward(), &self.config)
     }
 
     /// The SAE for inference, with the running statistics of batch norm.
@@ -84,7 +152,7 @@ impl Trainer {
         self.sae.to_checkpoint(&self.config, metadata)
     }
 
-    /// The losses of what `sae` makes of the frames of whole snippets, without training.
+    /// What `sae` makes of frames, without training, and the mean squared error of each reconstruction.
     ///
     /// # Errors
     /// When the number of values does not fit.
@@ -94,12 +162,32 @@ impl Trainer {
         inputs: Vec<f32>,
         targets: Vec<f32>,
         input_size: [usize; 2],
-    ) -> Result<(SaeOutput, Losses)> {
+    ) -> Result<(SaeOutput, Vec<f64>)> {
         let device = Device::flex();
         let output = sae.forward(images(inputs, input_size, &device)?);
         let targets = images(targets, self.config.target_size, &device)?;
-        let (_, losses) = self.losses(&output, targets)?;
-        Ok((output, losses))
+        let [frames, ..] = targets.dims();
+        let difference = (output.reconstruction.clone() - targets).square();
+        let losses = host_values(difference.reshape([frames as i32, -1]).mean_dim(1).into_data())?;
+        Ok((output, losses.into_iter().map(f64::from).collect()))
+    }
+
+    /// Why a loss is not finite, as far as one can tell.
+    fn diagnose(&self, losses: &Losses) -> String {
+        let weights = self.sae.to_checkpoint(&self.config, BTreeMap::new());
+        let broken = weights.ok().and_then(|w| {
+            w.tensors
+                .into_iter()
+                .find(|(_, tensor)| tensor.data.iter().any(|v| !v.is_finite()))
+        });
+        let cause = match broken {
+            Some((name, _)) => format!("the weights are no longer finite, `{name}` for one"),
+            None => "the weights are still finite: activations overflow on this batch".to_owned(),
+        };
+        format!(
+            "the loss is {} (reconstruction {}, velocity {}); {cause}",
+            losses.total, losses.reconstruction, losses.velocity
+        )
     }
 
     fn losses(&self, output: &SaeOutput, targets: Tensor<4>) -> Result<(Tensor<1>, Losses)> {
@@ -119,9 +207,8 @@ impl Trainer {
             .reshape([frames / SNIPPET, SNIPPET, keypoints * 2]);
         let at = |t: usize| points.clone().narrow(1, t, 1);
         let velocity = (at(2) - at(1) * 2.0 + at(0)).square().mean();
-        let weight = self.config.architecture.velocity_weight();
-        let total = if weight > 0.0 {
-            reconstruction.clone() + velocity.clone() * weight
+        let total = if self.velocity_weight > 0.0 {
+            reconstruction.clone() + velocity.clone() * self.velocity_weight
         } else {
             reconstruction.clone()
         };

@@ -32,7 +32,7 @@ struct EncoderInfo<'a> {
     architecture: String,
     keypoints: usize,
     input_size: Option<[usize; 2]>,
-    encoder_channels: [usize; 3],
+    encoder_channels: &'a [usize],
     metadata: &'a BTreeMap<String, String>,
 }
 
@@ -63,10 +63,10 @@ impl Encoder {
     pub fn info(&self) -> JsResult<JsValue> {
         let config = self.extractor.encoder().config();
         to_js(&EncoderInfo {
-            architecture: config.architecture.to_string(),
+            architecture: config.name(),
             keypoints: config.keypoints,
             input_size: config.input_size,
-            encoder_channels: config.encoder_channels,
+            encoder_channels: &config.encoder_channels,
             metadata: &self.metadata,
         })
     }
