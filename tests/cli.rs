@@ -555,4 +555,95 @@ mod train {
         assert_eq!(summary["epochs"].as_u64(), Some(lines() as u64));
         assert!(out.join("checkpoint_final.safetensors").exists());
     }
+
+    fn text(path: &Path) -> String {
+        path.to_string_lossy().into_owned()
+    }
+
+    fn weights(out: &Path) -> Vec<u8> {
+        std::fs::read(out.join("checkpoint_final.safetensors")).expect("a checkpoint")
+    }
+
+    #[test]
+    fn a_killed_training_goes_on_to_the_same_weights() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [out, straight] = ["run", "straight"].map(|name| folder.path().join(name));
+        let epochs = ["--epochs", "40", "--threads", "1", "--quiet"];
+        let whole = tracklens(&arguments(&straight, &epochs));
+        assert!(whole.status.success(), "{}", stderr(&whole));
+
+        let resumed = arguments(&out, &[&epochs[..], &["--resume"]].concat());
+        let log = || std::fs::read(out.join("log.jsonl")).map_or(0, |log| log.len());
+        let mut kills = 0;
+        for delay in [0u64, 3, 7, 12, 18, 25, 33] {
+            let mut running = Command::new(env!("CARGO_BIN_EXE_tracklens"))
+                .args(&resumed)
+                .stderr(std::process::Stdio::null())
+                .spawn()
+                .expect("the binary runs");
+            // Some epochs further, then at one moment or another of the next.
+            let (start, before) = (Instant::now(), log());
+            while log() < before + 2500 && running.try_wait().expect("a state").is_none() {
+                assert!(start.elapsed() < Duration::from_secs(60), "no epoch in a minute");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            std::thread::sleep(Duration::from_millis(delay));
+            running.kill().expect("it is ours");
+            kills += usize::from(running.wait().expect("it ends").code().is_none());
+        }
+        assert!(kills >= 3, "only {kills} of 7 kills hit a running training");
+        let last = tracklens(&resumed);
+        assert!(last.status.success(), "{}", stderr(&last));
+        assert_eq!(weights(&out), weights(&straight));
+        let epochs_in = |folder: &Path| -> Vec<(Value, Value)> {
+            let log = std::fs::read_to_string(folder.join("log.jsonl")).expect("a log");
+            let line = |l: &str| serde_json::from_str::<Value>(l).expect("JSON");
+            log.lines()
+                .map(|l| (line(l)["epoch"].clone(), line(l)["errors"].clone()))
+                .collect()
+        };
+        assert_eq!(epochs_in(&out), epochs_in(&straight));
+    }
+
+    #[test]
+    fn a_full_disk_keeps_the_last_good_state() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [out, straight] = ["run", "straight"].map(|name| folder.path().join(name));
+        let two = tracklens(&arguments(&out, &["--epochs", "2"]));
+        assert!(two.status.success(), "{}", stderr(&two));
+        let before = weights(&out);
+
+        // Files may not grow beyond 8 blocks: what a full disk does to every write, at a chosen moment.
+        let limited = Command::new("sh")
+            .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$@\"", "sh"])
+            .arg(env!("CARGO_BIN_EXE_tracklens"))
+            .args(arguments(&out, &["--epochs", "4", "--resume"]))
+            .output()
+            .expect("sh runs");
+        assert_eq!(limited.status.code(), Some(1), "{}", stderr(&limited));
+        let told = stderr(&limited);
+        assert!(
+            told.contains(&text(&out)) && told.contains("File too large"),
+            "{told}"
+        );
+        assert_eq!(weights(&out), before);
+        let left = std::fs::read_dir(&out).expect("a folder").count();
+        assert_eq!(left, 6, "no temporary file is left behind");
+
+        let on = tracklens(&arguments(&out, &["--epochs", "4", "--resume"]));
+        assert!(on.status.success(), "{}", stderr(&on));
+        let whole = tracklens(&arguments(&straight, &["--epochs", "4"]));
+        assert!(whole.status.success(), "{}", stderr(&whole));
+        assert_eq!(weights(&out), weights(&straight));
+
+        let file = folder.path().join("file");
+        std::fs::write(&file, "x").expect("a file");
+        let unwritable = tracklens(&arguments(&file.join("run"), &["--epochs", "1"]));
+        assert_eq!(unwritable.status.code(), Some(1));
+        assert!(
+            stderr(&unwritable).contains("Not a directory"),
+            "{}",
+            stderr(&unwritable)
+        );
+    }
 }

@@ -1,24 +1,26 @@
 //! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the machine.
 
-use std::env::consts::OS;
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use serde_json::Value;
 
-use crate::run;
 use crate::workspace::Workspace;
+use crate::{run, setup};
 
 /// How often each of the two is run.
 const ROUNDS: usize = 5;
+
+/// The architectures whose training step is timed.
+const TRAINED: [&str; 3] = ["basic", "basic-vel-std-bg", "keynet-vel-std-bg"];
 
 #[derive(Clone, Copy, ValueEnum)]
 pub enum Subject {
     /// The metric on one thread, against centred moments in numpy.
     Metric,
+    /// A training step on all threads, against PyTorch eager.
+    Train,
 }
 
 /// One line that a benchmark prints with `--json`.
@@ -31,12 +33,13 @@ struct Timing {
 pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
     match subject {
         Subject::Metric => metric(workspace),
+        Subject::Train => train(workspace),
     }
 }
 
 fn metric(workspace: &Workspace) -> Result<()> {
     let peers = workspace.root().join("crate/benches/peers");
-    let python = python(workspace, &peers.join("requirements.txt"))?;
+    let python = setup::python(workspace, "peers", &peers.join("requirements.txt"))?;
     let mut ours = Vec::new();
     let mut theirs = Vec::new();
     for _ in 0..ROUNDS {
@@ -61,6 +64,30 @@ fn metric(workspace: &Workspace) -> Result<()> {
         ours.push(timing(&mut bench)?);
     }
     println!("{}", comparison(&ours, &theirs)?);
+    Ok(())
+}
+
+fn train(workspace: &Workspace) -> Result<()> {
+    let peers = workspace.root().join("crate/benches/peers");
+    let python = setup::python(workspace, "torch", &peers.join("requirements-torch.txt"))?;
+    let threads = std::thread::available_parallelism()?.to_string();
+    for architecture in TRAINED {
+        let arguments = ["--json", architecture, "--threads", &threads];
+        let mut ours = Vec::new();
+        let mut theirs = Vec::new();
+        for _ in 0..ROUNDS {
+            let mut torch = run::command(&python);
+            torch.arg(peers.join("train_step_torch.py")).args(arguments);
+            theirs.push(timing(&mut torch)?);
+            let mut bench = run::cargo();
+            bench
+                .args(["bench", "--package=tracklens", "--bench=train_step", "--"])
+                .args(arguments)
+                .current_dir(workspace.root());
+            ours.push(timing(&mut bench)?);
+        }
+        println!("{}", comparison(&ours, &theirs)?);
+    }
     Ok(())
 }
 
@@ -104,33 +131,6 @@ fn median(timings: &[Timing]) -> f64 {
     } else {
         (times[middle - 1] + times[middle]) / 2.0
     }
-}
-
-/// The Python of a virtual environment with the pinned packages, made if it is not there.
-fn python(workspace: &Workspace, requirements: &Path) -> Result<PathBuf> {
-    let pinned = fs::read_to_string(requirements)
-        .with_context(|| format!("cannot read {}", requirements.display()))?;
-    let folder = workspace.tools().join("venv");
-    let python = folder.join(if OS == "windows" {
-        "Scripts/python.exe"
-    } else {
-        "bin/python"
-    });
-    let installed = folder.join("installed.txt");
-    if python.exists() && fs::read_to_string(&installed).is_ok_and(|last| last == pinned) {
-        return Ok(python);
-    }
-    let system = if OS == "windows" { "python" } else { "python3" };
-    run::run(run::command(system).args(["-m", "venv", "--clear"]).arg(&folder)).context(
-        "the peer needs Python 3 with its venv module: on Debian `apt-get install python3-venv`, \
-         elsewhere see https://www.python.org",
-    )?;
-    let mut pip = run::command(&python);
-    pip.args(["-m", "pip", "install", "--quiet", "--requirement"])
-        .arg(requirements);
-    run::run(&mut pip)?;
-    fs::write(&installed, pinned).with_context(|| format!("cannot write {}", installed.display()))?;
-    Ok(python)
 }
 
 #[cfg(test)]

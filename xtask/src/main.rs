@@ -56,11 +56,15 @@ enum Task {
         #[arg(long)]
         open: bool,
     },
-    /// Run every test: unit, doc, golden, command line, npm package, the page in headless Chromium.
+    /// Run every test: unit, doc, golden, command line, npm package, the recorder of PandaPush,
+    /// the page in headless Chromium.
     Test {
         /// Leave out the tests of the page, which need Chromium and chromedriver.
         #[arg(long)]
         skip_page: bool,
+        /// Leave out the recorder of PandaPush, which needs Python and installs PyBullet.
+        #[arg(long)]
+        skip_recorder: bool,
     },
     /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
@@ -98,7 +102,10 @@ fn perform(task: Task) -> Result<()> {
             site::write(&workspace, &workspace.site())?;
             serve::serve(&workspace.site(), port, open)
         }
-        Task::Test { skip_page } => test::run(&workspace, skip_page),
+        Task::Test {
+            skip_page,
+            skip_recorder,
+        } => test::run(&workspace, skip_page, skip_recorder),
         Task::Check => check::run(&workspace),
         Task::Bench { subject } => bench::run(&workspace, subject),
         Task::Clean { all } => clean::run(&workspace, all),

@@ -1,7 +1,7 @@
 //! `cargo xtask test`: every test there is.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
@@ -10,8 +10,9 @@ use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
 
 const PAGE_TESTS: &str = "the page in a browser";
+const RECORDER: &str = "recorder of PandaPush";
 
-pub fn run(workspace: &Workspace, skip_page: bool) -> Result<()> {
+pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Result<()> {
     let mut steps = Steps::new();
     let browsers = if skip_page {
         None
@@ -28,6 +29,14 @@ pub fn run(workspace: &Workspace, skip_page: bool) -> Result<()> {
     steps.run("library and command line", || {
         cargo_test(workspace, &["--package=tracklens"])
     });
+
+    if skip_recorder {
+        steps.skipped(RECORDER);
+    } else if let Some(python) = steps.run("set-up: PyBullet", || recorder_python(workspace)) {
+        steps.run(RECORDER, || recorder_tests(workspace, &python));
+    } else {
+        steps.blocked(RECORDER);
+    }
 
     let npm = "npm package under node";
     if package.is_some() {
@@ -50,6 +59,36 @@ fn cargo_test(workspace: &Workspace, arguments: &[&str]) -> Result<()> {
     cargo
         .args(["test", "--release", "--no-fail-fast"])
         .args(arguments);
+    run::run(cargo.current_dir(workspace.root()))
+}
+
+fn recorder(workspace: &Workspace) -> PathBuf {
+    workspace.root().join("tools/panda_push")
+}
+
+fn recorder_python(workspace: &Workspace) -> Result<PathBuf> {
+    setup::python(
+        workspace,
+        "recorder",
+        &recorder(workspace).join("requirements.txt"),
+    )
+}
+
+/// Records two sequences, which the tests then find by their environment. With this seed the first episode is
+/// solved at once, so that its sequence is dropped.
+fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
+    let folder = tempfile::tempdir().context("no folder for the recording")?;
+    let recording = folder.path().join("recording");
+    let mut record = run::command(python);
+    record
+        .arg(recorder(workspace).join("record.py"))
+        .args(["--sequences", "2", "--seed", "40", "--out"])
+        .arg(&recording);
+    run::run(&mut record)?;
+    let mut cargo = run::cargo();
+    cargo
+        .args(["test", "--release", "--package=tracklens", "--test=recorder"])
+        .env("TRACKLENS_RECORDED", &recording);
     run::run(cargo.current_dir(workspace.root()))
 }
 

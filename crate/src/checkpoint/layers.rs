@@ -4,12 +4,12 @@ use super::{Family, SaeConfig};
 
 /// A convolution with what comes before and after it.
 ///
-/// In this order: upsampling, convolution with zero padding, pooling, batch norm (else a bias), ReLU.
+/// In this order: upsampling, convolution with zero padding, pooling, batch norm with ReLU (else a bias and no ReLU).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConvLayer {
     /// Name of the convolution in the state dict, e.g. `encoder.block1.conv1`.
     pub name: String,
-    /// Name of the batch norm, e.g. `encoder.block1.bn1`. A convolution without one has a bias.
+    /// Name of the batch norm, e.g. `encoder.block1.bn1`, after which comes a ReLU. A convolution without one has a bias.
     pub norm: Option<String>,
     /// Input channels.
     pub inputs: usize,
@@ -26,8 +26,6 @@ pub struct ConvLayer {
     /// Whether the result goes through a 2 x 2 max-pool with stride 2 and a border that never wins, one cell wide:
     /// H / 2 + 1 rows out of H.
     pub pool: bool,
-    /// Whether it ends with a ReLU.
-    pub relu: bool,
 }
 
 impl ConvLayer {
@@ -43,7 +41,6 @@ impl ConvLayer {
             padding: kernel / 2,
             upsample: false,
             pool: false,
-            relu: true,
         }
     }
 
@@ -52,7 +49,6 @@ impl ConvLayer {
         Self {
             name: format!("{module}aggregate_conv"),
             norm: None,
-            relu: false,
             ..Self::block(module, 1, inputs, outputs, 1)
         }
     }

@@ -224,7 +224,7 @@ impl Layer {
             front.resize(channels * to_width * to_height, 0.0);
             max_pool_affine_relu(back, [width, height], scale, shift, front);
         } else {
-            if self.shape.relu {
+            if self.shape.norm.is_some() {
                 back.iter_mut().for_each(|v| *v = v.max(0.0));
             }
             std::mem::swap(front, back);

@@ -20,7 +20,6 @@ pub struct ConvBlock {
 
 impl ConvBlock {
     pub(super) fn load(weights: &Loader, layer: &ConvLayer) -> Result<Self> {
-        debug_assert_eq!(layer.relu, layer.norm.is_some());
         Ok(Self {
             conv: weights.conv(layer)?,
             norm: layer

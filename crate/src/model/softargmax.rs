@@ -1,5 +1,4 @@
 use burn::prelude::{Tensor, TensorData};
-use burn::tensor::activation::softmax;
 
 use super::grid;
 
@@ -14,16 +13,16 @@ use super::grid;
 pub fn spatial_softargmax(maps: Tensor<4>) -> Tensor<3> {
     let [batch, points, height, width] = maps.dims();
     let device = maps.device();
-    let attention =
-        softmax(maps.reshape([batch * points, height * width]), 1).reshape([batch * points, height, width]);
+    let maps = maps.reshape([batch * points, height, width]);
+    let largest = maps.clone().detach().max_dim(2).max_dim(1);
+    let attention = (maps - largest).exp();
     // Rows and columns first: sums over thousands of cells in one go lose digits in f32.
-    let along = |axis: usize, length: usize| {
+    let [rows, columns] = [2, 1].map(|axis| attention.clone().sum_dim(axis));
+    let total = rows.clone().sum_dim(1);
+    let mean = |sums: Tensor<3>, length: usize| {
         let coordinates = Tensor::<3>::from_data(TensorData::new(grid(length), [1, length, 1]), &device);
-        let weights = attention
-            .clone()
-            .sum_dim(3 - axis)
-            .reshape([batch * points, length, 1]);
-        (weights * coordinates).sum_dim(1).reshape([batch, points, 1])
+        let sums = sums.reshape([batch * points, length, 1]);
+        ((sums * coordinates).sum_dim(1) / total.clone()).reshape([batch, points, 1])
     };
-    Tensor::cat(vec![along(1, height), along(2, width)], 2)
+    Tensor::cat(vec![mean(rows, height), mean(columns, width)], 2)
 }

@@ -3,6 +3,7 @@
 mod browser;
 mod install;
 mod node;
+mod python;
 mod wasm;
 
 use anyhow::Result;
@@ -12,6 +13,7 @@ use crate::workspace::Workspace;
 
 pub use browser::browsers;
 pub use node::{NPM_LOCK, WasmOpt, node, wasm_opt};
+pub use python::python;
 pub use wasm::wasm_toolchain;
 
 pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {

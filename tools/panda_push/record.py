@@ -1,0 +1,428 @@
+"""Records image sequences of the PandaPush task with the positions of its objects in the image.
+
+The protocol is that of Cramer, Reiher and Trimpe (L4DC 2024), as their published code carries it out; README.md beside
+this file tells where that differs from the paper's text. Run `python record.py --help` for the options.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib.metadata
+import json
+import os
+import shutil
+import sys
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+try:
+    import h5py
+    import numpy as np
+    import pybullet
+    from numpy.typing import NDArray
+    from panda_gym.envs.core import RobotTaskEnv
+    from panda_gym.envs.robots.panda import Panda
+    from panda_gym.envs.tasks.push import Push
+    from panda_gym.pybullet import PyBullet
+    from PIL import Image
+except ModuleNotFoundError as error:
+    requirements = Path(__file__).with_name("requirements.txt")
+    sys.exit(
+        f"error: the package {error.name} is missing; "
+        f"install what is needed with `{sys.executable} -m pip install -r {requirements}`"
+    )
+
+FloatArray = NDArray[np.float32]
+
+SEQUENCE_FRAMES = 10
+EPISODE_STEPS = 20
+ACTION_STD = 1.0
+ANTIALIAS = 2
+"""Frames are rendered larger by this factor and averaged down."""
+
+OBJECT_SITES = {"cube": "object", "target": "target"}
+"""Sites at the base of a body, by the body's name in the simulation."""
+LINK_SITES = {"link4": 4, "link5": 5, "eef": 11}
+"""Sites at the centre of mass of a link of the robot."""
+SITES = [*OBJECT_SITES, *LINK_SITES]
+OBJECTS = ["cube", "target", "eef"]
+"""The sites that the paper calls objects."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The paper's camera: where it looks from and how it projects."""
+
+    target: tuple[float, float, float] = (0.0, -0.1, 0.0)
+    distance: float = 0.7
+    yaw: float = 45.0
+    pitch: float = -35.0
+    roll: float = 0.0
+    # What panda-gym's renderer uses.
+    fov: float = 60.0
+    near: float = 0.1
+    far: float = 100.0
+
+    def view(self) -> NDArray[np.float64]:
+        """The 4 x 4 matrix from the world to the camera."""
+        columns = pybullet.computeViewMatrixFromYawPitchRoll(
+            self.target, self.distance, self.yaw, self.pitch, self.roll, 2
+        )
+        return np.array(columns).reshape(4, 4).T
+
+    def projection(self) -> NDArray[np.float64]:
+        """The 4 x 4 matrix from the camera to clip space, for a square image."""
+        columns = pybullet.computeProjectionMatrixFOV(self.fov, 1.0, self.near, self.far)
+        return np.array(columns).reshape(4, 4).T
+
+    def project(self, points: NDArray[np.float64]) -> FloatArray:
+        """Places world points (K x 3) in the image: K x 2, x right, y down, the edges at +-0.999.
+
+        The authors multiply by the transpose of the projection matrix and divide what comes out by 5. That is ndc times
+        (far - near) / (10 far near), with these planes exactly 0.999.
+        """
+        homogeneous = np.concatenate([points, np.ones((len(points), 1))], axis=1)
+        clip = homogeneous @ (self.projection() @ self.view()).T
+        ndc = clip[:, :2] / clip[:, 3:]
+        return (0.999 * ndc * [1, -1]).astype(np.float32)
+
+
+class FlatTargetPush(Push):
+    """The push task with the target drawn as an opaque blue plate in the surface of the table."""
+
+    def _create_scene(self) -> None:
+        half = self.object_size / 2
+        self.sim.create_plane(z_offset=-0.4)
+        self.sim.create_table(length=1.1, width=0.7, height=0.4, x_offset=-0.3)
+        self.sim.create_box(
+            "object",
+            half_extents=np.full(3, half),
+            mass=1.0,
+            position=np.array([0.0, 0.0, half]),
+            rgba_color=np.array([0.1, 0.9, 0.1, 1.0]),
+        )
+        self.sim.create_box(
+            "target",
+            half_extents=np.array([half, half, half / 100]),
+            mass=0.0,
+            ghost=True,
+            position=np.zeros(3),
+            rgba_color=np.array([0.1, 0.1, 0.9, 1.0]),
+        )
+
+    def reset(self) -> None:
+        """Draws the goal and the cube's place; the goal stays at the cube's height, the plate lies below it."""
+        super().reset()
+        plate = self.goal - np.array([0.0, 0.0, self.object_size / 2])
+        self.sim.set_base_pose("target", plate, np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+class Environment(RobotTaskEnv):
+    """panda-gym's robot, the scene above and the paper's camera, rendered on the CPU (TinyRenderer)."""
+
+    def __init__(self, size: int) -> None:
+        self.camera = Camera()
+        sim = PyBullet(render_mode="rgb_array", renderer="Tiny")
+        robot = Panda(sim, block_gripper=True, base_position=np.array([-0.6, 0.0, 0.0]), control_type="ee")
+        super().__init__(
+            robot,
+            FlatTargetPush(sim),
+            render_width=size * ANTIALIAS,
+            render_height=size * ANTIALIAS,
+            render_target_position=np.array(self.camera.target),
+            render_distance=self.camera.distance,
+            render_yaw=self.camera.yaw,
+            render_pitch=self.camera.pitch,
+            render_roll=self.camera.roll,
+        )
+
+    def frame(self) -> FloatArray:
+        """The picture of the scene: size x size x 3, values in [0, 1]."""
+        pixels = self.render() / 255
+        size = len(pixels) // ANTIALIAS
+        return pixels.reshape(size, ANTIALIAS, size, ANTIALIAS, 3).mean(axis=(1, 3)).astype(np.float32)
+
+    def sites(self) -> FloatArray:
+        """Where the sites are in the picture: K x 2 as `Camera.project` gives them."""
+        bodies = [self.sim.get_base_position(body) for body in OBJECT_SITES.values()]
+        links = [self.sim.get_link_position("panda", link) for link in LINK_SITES.values()]
+        return self.camera.project(np.array(bodies + links))
+
+
+@dataclass
+class Sequence:
+    """Successive frames of one episode."""
+
+    frames: list[FloatArray] = field(default_factory=list)
+    sites: list[FloatArray] = field(default_factory=list)
+
+
+@dataclass
+class Statistics:
+    """What it took to record the sequences."""
+
+    episodes: int = 0
+    successes: int = 0
+    rendered: int = 0
+    dropped: int = 0
+    """Frames of sequences that the end of their episode cut short."""
+
+
+def recorded(environment: Environment, seed: int, statistics: Statistics) -> Iterator[Sequence]:
+    """Records sequences without end, under the paper's random policy.
+
+    The action does a random walk: drawn once an episode from the action space, then moved by Gaussian noise before
+    every step, the first one included, and clipped to the action space.
+    """
+    noise = np.random.default_rng(seed)
+    space = environment.action_space
+    space.seed(seed)
+    while True:
+        statistics.episodes += 1
+        environment.reset(seed=seed + statistics.episodes)
+        action = space.sample()
+        sequence = Sequence()
+        for _ in range(EPISODE_STEPS):
+            moved = action + noise.normal(scale=ACTION_STD, size=space.shape)
+            action = np.clip(moved, space.low, space.high).astype(np.float32)
+            _, _, success, _, _ = environment.step(action)
+            sequence.frames.append(environment.frame())
+            sequence.sites.append(environment.sites())
+            statistics.rendered += 1
+            statistics.successes += success
+            if len(sequence.frames) == SEQUENCE_FRAMES:
+                yield sequence
+                sequence = Sequence()
+            if success:
+                break
+        statistics.dropped += len(sequence.frames)
+
+
+Store = Callable[[Sequence], None]
+
+
+@contextmanager
+def png_store(folder: Path, _sequences: int, _size: int) -> Iterator[Store]:
+    """Stores frames as 8-bit PNG, one folder a sequence."""
+    count = 0
+
+    def store(sequence: Sequence) -> None:
+        nonlocal count
+        target = folder / f"seq_{count:04}"
+        target.mkdir()
+        for index, frame in enumerate(sequence.frames):
+            pixels = np.rint(frame * 255).astype(np.uint8)
+            Image.fromarray(pixels).save(target / f"frame_{index:03}.png", compress_level=6)
+        count += 1
+
+    yield store
+
+
+@contextmanager
+def npz_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
+    """Stores `frames` and `sites`, (y, x), as float32 in recording.npz; the frames are written as they come."""
+    shape = (sequences, SEQUENCE_FRAMES, size, size, 3)
+    sites: list[list[FloatArray]] = []
+    with zipfile.ZipFile(folder / "recording.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("frames.npy", "w", force_zip64=True) as member:
+            header = {"descr": "<f4", "fortran_order": False, "shape": shape}
+            np.lib.format.write_array_header_1_0(member, header)
+
+            def store(sequence: Sequence) -> None:
+                for frame in sequence.frames:
+                    member.write(frame.astype("<f4").tobytes())
+                sites.append(sequence.sites)
+
+            yield store
+        with archive.open("sites.npy", "w") as member:
+            np.lib.format.write_array(member, np.array(sites, dtype="<f4")[..., ::-1].copy())
+
+
+@contextmanager
+def hdf5_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
+    """Stores `images` and `keypoints`, (x, y), as float32 in recording.hdf5: what the authors' code reads."""
+    count = 0
+    frame = (size, size, 3)
+    with h5py.File(folder / "recording.hdf5", "w") as file:
+        images = file.create_dataset(
+            "images",
+            shape=(sequences, SEQUENCE_FRAMES, *frame),
+            dtype="f4",
+            chunks=(1, 1, *frame),
+            compression="gzip",
+        )
+        keypoints = file.create_dataset("keypoints", shape=(sequences, SEQUENCE_FRAMES, len(SITES), 2), dtype="f4")
+
+        def store(sequence: Sequence) -> None:
+            nonlocal count
+            images[count] = sequence.frames
+            keypoints[count] = sequence.sites
+            count += 1
+
+        yield store
+
+
+@contextmanager
+def truth_store(folder: Path) -> Iterator[Store]:
+    """Stores where the paper's objects are in ground_truth.csv."""
+    count = 0
+    with open(folder / "ground_truth.csv", "w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["sequence", "frame", "object", "x", "y"])
+
+        def store(sequence: Sequence) -> None:
+            nonlocal count
+            for frame, sites in enumerate(sequence.sites):
+                for name in OBJECTS:
+                    x, y = sites[SITES.index(name)]
+                    table.writerow([count, frame, name, f"{x:.7f}", f"{y:.7f}"])
+            count += 1
+
+        yield store
+
+
+FORMATS: dict[str, Callable[[Path, int, int], AbstractContextManager[Store]]] = {
+    "png": png_store,
+    "npz": npz_store,
+    "hdf5": hdf5_store,
+}
+
+
+def record(options: argparse.Namespace, folder: Path) -> None:
+    """Records into an empty folder."""
+    statistics = Statistics()
+    with ExitStack() as stack:
+        environment = Environment(options.size)
+        stack.callback(environment.close)
+        stores = [
+            stack.enter_context(FORMATS[options.format](folder, options.sequences, options.size)),
+            stack.enter_context(truth_store(folder)),
+        ]
+        progress = Progress(options.sequences)
+        source = recorded(environment, options.seed, statistics)
+        for _ in range(options.sequences):
+            sequence = next(source)
+            for store in stores:
+                store(sequence)
+            progress.advance()
+        description = describe(options, environment.camera, statistics)
+    text = json.dumps(description, indent=1) + "\n"
+    (folder / "meta.json").write_text(text, encoding="utf-8")
+
+
+def describe(options: argparse.Namespace, camera: Camera, statistics: Statistics) -> dict[str, object]:
+    """What meta.json holds: how the recording was made, the camera, and what it took."""
+    packages = ["panda-gym", "pybullet", "gymnasium", "numpy"]
+    return {
+        "sequences": options.sequences,
+        "frames": SEQUENCE_FRAMES,
+        "episode_steps": EPISODE_STEPS,
+        "action_std": ACTION_STD,
+        "size": options.size,
+        "antialias": ANTIALIAS,
+        "seed": options.seed,
+        "format": options.format,
+        "convention": "x right, y down; NDC (edge of the image = +-1) * 0.999",
+        "objects": OBJECTS,
+        "sites": SITES,
+        "links": LINK_SITES,
+        "camera": asdict(camera),
+        "view_matrix_column_major": camera.view().T.ravel().tolist(),
+        "projection_matrix_column_major": camera.projection().T.ravel().tolist(),
+        "statistics": asdict(statistics),
+        "versions": {package: importlib.metadata.version(package) for package in packages},
+    }
+
+
+class Progress:
+    """Says on the standard error how far the recording is: a line that changes, or a line every half minute."""
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.done = 0
+        self.started = self.shown = time.monotonic()
+
+    def advance(self) -> None:
+        """Counts one sequence more."""
+        self.done += 1
+        now = time.monotonic()
+        last = self.done == self.total
+        terminal = sys.stderr.isatty()
+        if not (terminal or last or now - self.shown >= 30):
+            return
+        self.shown = now
+        each = (now - self.started) / self.done
+        left = each * (self.total - self.done)
+        line = f"{self.done} of {self.total} sequences, {each:.2f} s each, {left / 60:.1f} min left"
+        print(f"\r{line}" if terminal else line, end="\n" if last or not terminal else "", file=sys.stderr, flush=True)
+
+
+def whole(least: int, most: int | None = None) -> Callable[[str], int]:
+    """An argument that is a whole number within limits, both included."""
+    expected = f"a whole number from {least} on" if most is None else f"a whole number from {least} to {most}"
+
+    def parse(text: str) -> int:
+        try:
+            number = int(text)
+        except ValueError:
+            number = least - 1
+        if number < least or (most is not None and number > most):
+            raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
+        return number
+
+    return parse
+
+
+def arguments() -> argparse.ArgumentParser:
+    """The options of the command."""
+    parser = argparse.ArgumentParser(
+        description="Records image sequences of the PandaPush task with the positions of its objects in the image.",
+        epilog="Exit codes: 0 done, 1 recording or writing failed, 2 wrong arguments, 130 cancelled.",
+    )
+    parser.add_argument("--sequences", type=whole(1), required=True, metavar="N", help="how many, 10 frames each")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make; must not exist")
+    parser.add_argument("--seed", type=whole(0), default=0, metavar="S", help="of everything random (default 0)")
+    parser.add_argument("--size", type=whole(16, 1024), default=256, metavar="PX", help="side of a frame (default 256)")
+    parser.add_argument(
+        "--format",
+        choices=FORMATS,
+        default="png",
+        help="of the frames: 8-bit PNG, a folder a sequence (default), or float32 in recording.npz or recording.hdf5",
+    )
+    return parser
+
+
+def main() -> int:
+    """Records into a folder beside the one asked for, and renames it when everything is there."""
+    options = arguments().parse_args()
+    out: Path = options.out
+    if os.path.lexists(out):
+        print(f"error: {out} exists already; name a folder that does not", file=sys.stderr)
+        return 1
+    folder = out.absolute().with_name(f".{out.absolute().name}.partial-{os.getpid()}")
+    try:
+        folder.mkdir(parents=True)
+        record(options, folder)
+        folder.rename(out)
+    except OSError as error:
+        print(f"error: cannot record into {out}: {error}", file=sys.stderr)
+        return 1
+    except pybullet.error as error:
+        print(f"error: PyBullet failed: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ncancelled; nothing is kept", file=sys.stderr)
+        return 130
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    print(f"{options.sequences} sequences in {out}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
