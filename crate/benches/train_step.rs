@@ -17,13 +17,9 @@ const INPUT: usize = 128;
 /// What is timed.
 const ARCHITECTURES: [&str; 2] = ["basic", "keynet-vel-std-bg"];
 
-fn config(architecture: &str) -> Result<SaeConfig, Box<dyn Error>> {
-    Ok(SaeConfig::new(architecture.parse()?))
-}
-
 /// The median of `steps` steps after two that are not counted, in milliseconds.
 fn median_ms(architecture: &str, steps: usize) -> Result<f64, Box<dyn Error>> {
-    let config = config(architecture)?;
+    let config = SaeConfig::named(architecture)?;
     let mut trainer = Trainer::new(&fresh_weights(&config, 0), 1e-3)?;
     let [width, height] = config.target_size;
     let values = |len: usize| -> Vec<f32> { (0..len).map(|i| (i * 7919 % 1009) as f32 / 1009.0).collect() };

@@ -12,10 +12,15 @@ use crate::{run, setup};
 /// How often each of the two is run.
 const ROUNDS: usize = 5;
 
+/// The architectures whose training step is timed.
+const TRAINED: [&str; 3] = ["basic", "basic-vel-std-bg", "keynet-vel-std-bg"];
+
 #[derive(Clone, Copy, ValueEnum)]
 pub enum Subject {
     /// The metric on one thread, against centred moments in numpy.
     Metric,
+    /// A training step on all threads, against PyTorch eager.
+    Train,
 }
 
 /// One line that a benchmark prints with `--json`.
@@ -28,6 +33,7 @@ struct Timing {
 pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
     match subject {
         Subject::Metric => metric(workspace),
+        Subject::Train => train(workspace),
     }
 }
 
@@ -58,6 +64,30 @@ fn metric(workspace: &Workspace) -> Result<()> {
         ours.push(timing(&mut bench)?);
     }
     println!("{}", comparison(&ours, &theirs)?);
+    Ok(())
+}
+
+fn train(workspace: &Workspace) -> Result<()> {
+    let peers = workspace.root().join("crate/benches/peers");
+    let python = setup::python(workspace, "torch", &peers.join("requirements-torch.txt"))?;
+    let threads = std::thread::available_parallelism()?.to_string();
+    for architecture in TRAINED {
+        let arguments = ["--json", architecture, "--threads", &threads];
+        let mut ours = Vec::new();
+        let mut theirs = Vec::new();
+        for _ in 0..ROUNDS {
+            let mut torch = run::command(&python);
+            torch.arg(peers.join("train_step_torch.py")).args(arguments);
+            theirs.push(timing(&mut torch)?);
+            let mut bench = run::cargo();
+            bench
+                .args(["bench", "--package=tracklens", "--bench=train_step", "--"])
+                .args(arguments)
+                .current_dir(workspace.root());
+            ours.push(timing(&mut bench)?);
+        }
+        println!("{}", comparison(&ours, &theirs)?);
+    }
     Ok(())
 }
 

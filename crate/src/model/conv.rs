@@ -1,21 +1,18 @@
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::prelude::Tensor;
-use burn::tensor::module::interpolate;
-use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 
-use super::BatchNorm;
-use super::kernels::{conv, max_pool};
 use super::weights::Loader;
+use super::{BatchNorm, kernels};
 use crate::checkpoint::ConvLayer;
 use crate::error::Result;
 
-/// A [`ConvLayer`] with its weights: upsampling, convolution, pool, batch norm and ReLU, each where the layer has it.
+/// A [`ConvLayer`] with its weights: upsampling, convolution, pool, batch norm, ReLU, each where the layer has it.
 #[derive(Module, Debug)]
 pub struct ConvBlock {
     /// With a bias where there is no batch norm.
     pub conv: Conv2d,
-    /// After the pool.
+    /// After the pool; a ReLU follows every batch norm.
     pub norm: Option<BatchNorm>,
     pool: bool,
     upsample: bool,
@@ -43,14 +40,11 @@ impl ConvBlock {
     pub fn forward(&self, input: Tensor<4>) -> Tensor<4> {
         let mut x = input;
         if self.upsample {
-            let twice = InterpolateOptions::new(InterpolateMode::Bilinear)
-                .with_align_corners(false)
-                .with_scale_factor([2.0, 2.0]);
-            x = interpolate(x, twice);
+            x = kernels::upsample(x);
         }
-        x = conv(&self.conv, x);
+        x = kernels::conv(&self.conv, x);
         if self.pool {
-            x = max_pool(x);
+            x = kernels::max_pool(x);
         }
         match &self.norm {
             Some(norm) => norm.forward_relu(x),

@@ -1,9 +1,13 @@
-//! Memory of the kernels: outputs that are written by several threads, and scratch that a thread keeps.
+//! Memory of the kernels: outputs that are written by several threads, tensors whose memory is used again, and
+//! scratch that a thread keeps.
 
 use std::cell::RefCell;
 use std::marker::PhantomData;
-use std::mem::MaybeUninit;
+use std::mem::{ManuallyDrop, MaybeUninit};
+use std::ptr::NonNull;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use burn_std::{AccessError, AccessPolicy, AllocationController, AllocationProperty, Bytes};
 use rten_simd::{Isa, SimdOp};
 
 /// An output that is not initialised yet, to be written in disjoint pieces by several threads.
@@ -14,7 +18,7 @@ pub(super) struct Output {
 impl Output {
     pub fn new(len: usize) -> Self {
         Self {
-            values: Vec::with_capacity(len),
+            values: take(len).unwrap_or_else(|| Vec::with_capacity(len)),
         }
     }
 
@@ -77,6 +81,97 @@ impl Pieces<'_> {
     }
 }
 
+/// Memory of at least so many numbers comes from, and goes back to, the [`KEPT`] ones.
+const LARGE: usize = 1 << 16;
+
+/// So many numbers are kept, at most: 1 GiB.
+const MOST: usize = 1 << 28;
+
+/// Memory of tensors that are gone, oldest first. A step of training needs what the last one needed, and memory
+/// from the system costs a fault and a wipe a page.
+static KEPT: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
+
+fn kept() -> MutexGuard<'static, Vec<Vec<f32>>> {
+    // Nothing panics half-way through a change of the list.
+    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The smallest memory for `len` numbers that wastes less than half.
+fn take(len: usize) -> Option<Vec<f32>> {
+    if len < LARGE {
+        return None;
+    }
+    let mut kept = kept();
+    let fitting = |(_, capacity): &(usize, usize)| (len..2 * len).contains(capacity);
+    let (at, _) = kept
+        .iter()
+        .map(Vec::capacity)
+        .enumerate()
+        .filter(fitting)
+        .min_by_key(|(_, capacity)| *capacity)?;
+    Some(kept.remove(at))
+}
+
+fn give_back(mut memory: Vec<f32>) {
+    if memory.capacity() < LARGE {
+        return;
+    }
+    memory.clear();
+    let mut kept = kept();
+    kept.push(memory);
+    let mut total: usize = kept.iter().map(Vec::capacity).sum();
+    while total > MOST {
+        total -= kept.remove(0).capacity();
+    }
+}
+
+/// Values as the bytes of a tensor, whose memory is kept when the tensor is gone.
+pub(super) fn bytes(values: Vec<f32>) -> Bytes {
+    let len = size_of_val(&values[..]);
+    // SAFETY: the values are the first `len` bytes.
+    unsafe { Bytes::from_controller(Box::new(Kept(values)), len) }
+}
+
+/// Owns the memory of a tensor.
+struct Kept(Vec<f32>);
+
+impl Kept {
+    fn size(&self) -> usize {
+        self.0.capacity() * size_of::<f32>()
+    }
+}
+
+impl AllocationController for Kept {
+    fn alloc_align(&self) -> usize {
+        align_of::<f32>()
+    }
+
+    fn property(&self) -> AllocationProperty {
+        AllocationProperty::Native
+    }
+
+    unsafe fn memory_mut(&mut self, _: AccessPolicy) -> Result<&mut [MaybeUninit<u8>], AccessError> {
+        // SAFETY: the allocation of the vector, borrowed with it; the caller writes initialised bytes only.
+        Ok(unsafe { std::slice::from_raw_parts_mut(self.0.as_mut_ptr().cast(), self.size()) })
+    }
+
+    fn memory(&self, _: AccessPolicy) -> Result<&[MaybeUninit<u8>], AccessError> {
+        // SAFETY: the allocation of the vector, borrowed with it.
+        Ok(unsafe { std::slice::from_raw_parts(self.0.as_ptr().cast(), self.size()) })
+    }
+
+    fn try_detach(&mut self) -> Option<NonNull<u8>> {
+        let mut memory = ManuallyDrop::new(std::mem::take(&mut self.0));
+        NonNull::new(memory.as_mut_ptr().cast())
+    }
+}
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        give_back(std::mem::take(&mut self.0));
+    }
+}
+
 /// Scratch of a thread; what it holds at the start of a use is left over from the last one.
 #[derive(Default)]
 pub(super) struct Scratch {
@@ -88,9 +183,9 @@ impl Scratch {
     /// Two buffers of these lengths for `work`.
     pub fn with<R>(lengths: [usize; 2], work: impl FnOnce(&mut [f32], &mut [f32]) -> R) -> R {
         thread_local! {
-            static KEPT: RefCell<Scratch> = RefCell::default();
+            static OWN: RefCell<Scratch> = RefCell::default();
         }
-        KEPT.with_borrow_mut(|Scratch { first, second }| {
+        OWN.with_borrow_mut(|Scratch { first, second }| {
             for (buffer, length) in [&mut *first, &mut *second].into_iter().zip(lengths) {
                 if buffer.len() < length {
                     buffer.resize(length, 0.0);

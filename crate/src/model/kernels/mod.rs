@@ -1,6 +1,6 @@
 //! Layers whose kernels on burn's CPU device (flex) are our own, because training is bound by them.
 //!
-//! [`conv`], [`batch_norm_relu`] and [`max_pool`] are what the modules call. Behind them is a backend extension:
+//! [`conv`], [`batch_norm_relu`], [`max_pool`] and [`upsample`](fn@upsample) are what the modules call. Behind them is a backend extension:
 //! [`Layers`] has burn's own operations as its bodies, flex overrides them, and the gradients are operations of
 //! [`LayerGradients`] in the same manner, which the one implementation for `Autodiff` calls. A further backend
 //! needs its name in the attribute and two empty `impl`s to run the same modules on burn's operations.
@@ -14,6 +14,7 @@ mod norm;
 mod pool;
 #[cfg(test)]
 mod tests;
+mod upsample;
 
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
@@ -21,7 +22,7 @@ use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
-use burn::backend::ops::ConvOptions;
+use burn::backend::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, AutodiffBackend, Backend, Dispatch, Flex, TensorMetadata, backend_extension};
 use burn::nn::PaddingConfig2d;
@@ -123,6 +124,15 @@ pub(super) fn max_pool(input: Tensor<4>) -> Tensor<4> {
     Tensor::from_dispatch(Dispatch::pool(input.into_dispatch()))
 }
 
+/// Bilinear upsampling to twice the height and width, pixel edges aligned (`align_corners` is false).
+///
+/// # Shapes
+/// - `input`: `[B, C, H, W]`
+/// - output: `[B, C, 2 H, 2 W]`
+pub(super) fn upsample(input: Tensor<4>) -> Tensor<4> {
+    Tensor::from_dispatch(Dispatch::enlarge(input.into_dispatch()))
+}
+
 /// The layers on a backend; the bodies are burn's own operations.
 #[backend_extension(Flex, Autodiff)]
 trait Layers: Backend {
@@ -147,6 +157,11 @@ trait Layers: Backend {
 
     fn pool(input: FloatTensor<Self>) -> FloatTensor<Self> {
         Self::max_pool2d(input, [2, 2], [2, 2], [1, 1], [1, 1], false)
+    }
+
+    fn enlarge(input: FloatTensor<Self>) -> FloatTensor<Self> {
+        let [_, _, height, width] = input.shape().dims();
+        Self::interpolate(input, [2 * height, 2 * width], bilinear())
     }
 }
 
@@ -218,6 +233,15 @@ trait LayerGradients: Backend {
         )
         .x_grad
     }
+
+    fn enlarge_gradient(input: FloatTensor<Self>, gradient: FloatTensor<Self>) -> FloatTensor<Self> {
+        let [_, _, height, width] = input.shape().dims();
+        Self::interpolate_backward(input, gradient, [2 * height, 2 * width], bilinear())
+    }
+}
+
+fn bilinear() -> InterpolateOptions {
+    InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false)
 }
 
 fn options(stride: usize, padding: usize) -> ConvOptions<2> {
@@ -260,6 +284,15 @@ impl Layers for Flex {
         tensor(
             pool::max_pool(values(&input), [height, width]),
             [batch, channels, pool::pooled(height), pool::pooled(width)],
+        )
+    }
+
+    fn enlarge(input: FlexTensor) -> FlexTensor {
+        let input = input.to_contiguous();
+        let [batch, channels, height, width] = input.shape().dims();
+        tensor(
+            upsample::upsample(values(&input), [height, width]),
+            [batch, channels, 2 * height, 2 * width],
         )
     }
 }
@@ -325,6 +358,15 @@ impl LayerGradients for Flex {
             [batch, channels, height, width],
         )
     }
+
+    fn enlarge_gradient(input: FlexTensor, gradient: FlexTensor) -> FlexTensor {
+        let gradient = gradient.to_contiguous();
+        let [batch, channels, height, width] = input.shape().dims();
+        tensor(
+            upsample::gradient(values(&gradient), [height, width]),
+            [batch, channels, height, width],
+        )
+    }
 }
 
 fn convolution(input: &FlexTensor, weight: &FlexTensor, stride: usize, padding: usize) -> Convolution {
@@ -351,7 +393,7 @@ fn owned(tensor: FlexTensor) -> Vec<f32> {
 }
 
 fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> FlexTensor {
-    FlexTensor::from_data(TensorData::new(values, shape))
+    FlexTensor::from_data(TensorData::from_bytes(buffer::bytes(values), shape, DType::F32))
 }
 
 impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Autodiff<B, C> {
@@ -505,6 +547,37 @@ impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Aut
                 ops.finish(state, B::pool(input.into_primitive()))
             }
             OpsKind::UnTracked(ops) => ops.finish(B::pool(input.into_primitive())),
+        }
+    }
+
+    fn enlarge(input: FloatTensor<Self>) -> FloatTensor<Self> {
+        #[derive(Debug)]
+        struct Enlarge;
+
+        impl<B: Backend + LayerGradients> Backward<B, 1> for Enlarge {
+            type State = NodeId;
+
+            fn backward(
+                self,
+                ops: Ops<Self::State, 1>,
+                grads: &mut Gradients,
+                checkpointer: &mut Checkpointer,
+            ) {
+                let gradient = grads.consume::<B>(&ops.node);
+                let input = checkpointer.retrieve_node_output::<FloatTensor<B>>(ops.state);
+                let [of_input] = ops.parents;
+                if let Some(node) = of_input {
+                    grads.register::<B>(node.id, B::enlarge_gradient(input, gradient));
+                }
+            }
+        }
+
+        match Enlarge.prepare::<C>([input.node()]).compute_bound().stateful() {
+            OpsKind::Tracked(mut ops) => {
+                let state = ops.checkpoint(&input);
+                ops.finish(state, B::enlarge(input.into_primitive()))
+            }
+            OpsKind::UnTracked(ops) => ops.finish(B::enlarge(input.into_primitive())),
         }
     }
 }

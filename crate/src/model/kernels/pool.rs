@@ -1,8 +1,10 @@
 //! Max-pool over 2 x 2 cells with stride 2 and a border one cell wide, and its gradient.
+//!
+//! Rows are copied between columns of -inf, so that every cell has four numbers.
 
 use rayon::prelude::*;
 
-use super::buffer::Output;
+use super::buffer::{Output, Scratch, vectorised};
 
 /// Rows or columns of a pooled map.
 pub(super) fn pooled(side: usize) -> usize {
@@ -11,7 +13,8 @@ pub(super) fn pooled(side: usize) -> usize {
 
 /// The largest number of every cell; a NaN counts as the largest.
 pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
-    let size = pooled(height) * pooled(width);
+    let columns = pooled(width);
+    let size = pooled(height) * columns;
     let len = input.len() / (height * width) * size;
     let mut output = Output::new(len);
     output
@@ -19,12 +22,19 @@ pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
         .par_chunks_exact_mut(size)
         .zip(input.par_chunks_exact(height * width))
         .for_each(|(output, input)| {
-            for (row, line) in output.chunks_exact_mut(pooled(width)).enumerate() {
-                let [upper, lower] = rows(row, height).map(|y| y.map(|y| &input[y * width..][..width]));
-                for (column, cell) in line.iter_mut().enumerate() {
-                    cell.write(largest([upper, lower], column).0);
+            Scratch::with([2 * columns; 2], |upper, lower| {
+                for (row, line) in output.chunks_exact_mut(columns).enumerate() {
+                    frame([&mut *upper, &mut *lower], input, width, row);
+                    vectorised(
+                        #[inline(always)]
+                        || {
+                            for ((cell, a), b) in line.iter_mut().zip(pairs(&*upper)).zip(pairs(&*lower)) {
+                                cell.write(larger(larger(a[0], a[1]), larger(b[0], b[1])));
+                            }
+                        },
+                    );
                 }
-            }
+            });
         });
     // SAFETY: the maps are all there is, and each was written.
     unsafe { output.into_vec(len) }
@@ -32,46 +42,79 @@ pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
 
 /// The gradient of the input: a cell's goes to the first of its largest numbers.
 pub(super) fn gradient(input: &[f32], [height, width]: [usize; 2], gradient: &[f32]) -> Vec<f32> {
-    let size = pooled(height) * pooled(width);
-    let mut result = vec![0.0; input.len()];
-    result
-        .par_chunks_exact_mut(height * width)
-        .zip(input.par_chunks_exact(height * width))
+    let columns = pooled(width);
+    let size = pooled(height) * columns;
+    let mut output = Output::new(input.len());
+    let pieces = output.pieces();
+    input
+        .par_chunks_exact(height * width)
         .zip(gradient.par_chunks_exact(size))
-        .for_each(|((result, input), gradient)| {
-            for (row, line) in gradient.chunks_exact(pooled(width)).enumerate() {
-                let rows = rows(row, height);
-                let lines = rows.map(|y| y.map(|y| &input[y * width..][..width]));
-                for (column, gradient) in line.iter().enumerate() {
-                    let (_, place) = largest(lines, column);
-                    if let Some(y) = rows[place / 2] {
-                        result[y * width + 2 * column + place % 2 - 1] = *gradient;
+        .enumerate()
+        .for_each(|(map, (input, gradient))| {
+            Scratch::with([2 * columns; 2], |upper, lower| {
+                for (row, line) in gradient.chunks_exact(columns).enumerate() {
+                    frame([&mut *upper, &mut *lower], input, width, row);
+                    vectorised(
+                        #[inline(always)]
+                        || {
+                            for ((gradient, a), b) in line
+                                .iter()
+                                .zip(pairs_mut(&mut *upper))
+                                .zip(pairs_mut(&mut *lower))
+                            {
+                                let below = exceeds(larger(b[0], b[1]), larger(a[0], a[1]));
+                                for (pair, here) in [(a, !below), (b, below)] {
+                                    let second = exceeds(pair[1], pair[0]);
+                                    pair[0] = if here && !second { *gradient } else { 0.0 };
+                                    pair[1] = if here && second { *gradient } else { 0.0 };
+                                }
+                            }
+                        },
+                    );
+                    for (y, line) in rows(row).into_iter().zip([&*upper, &*lower]) {
+                        if let Some(y) = y.filter(|y| *y < height) {
+                            // SAFETY: maps, and the rows of the cells of a map, do not overlap.
+                            unsafe { pieces.write((map * height + y) * width, &line[1..=width]) };
+                        }
                     }
                 }
-            }
+            });
         });
-    result
+    // SAFETY: every row of every map belongs to one row of cells, and was written with it.
+    unsafe { output.into_vec(input.len()) }
 }
 
-/// The rows of the cells of a pooled row, where they lie in the map.
-fn rows(row: usize, height: usize) -> [Option<usize>; 2] {
-    [(2 * row).checked_sub(1), Some(2 * row).filter(|y| *y < height)]
+/// The rows of the map that a row of cells covers.
+fn rows(row: usize) -> [Option<usize>; 2] {
+    [(2 * row).checked_sub(1), Some(2 * row)]
 }
 
-/// The largest number of a cell and its place in the cell.
-#[inline(always)]
-fn largest(lines: [Option<&[f32]>; 2], column: usize) -> (f32, usize) {
-    let mut best = (f32::NEG_INFINITY, usize::MAX);
-    for (i, line) in lines.into_iter().enumerate() {
-        let Some(line) = line else { continue };
-        for j in 0..2 {
-            let Some(value) = (2 * column + j).checked_sub(1).and_then(|x| line.get(x)) else {
-                continue;
-            };
-            if *value > best.0 || value.is_nan() || best.1 == usize::MAX {
-                best = (*value, 2 * i + j);
-            }
+/// The two rows of a row of cells, -inf where the map ends.
+fn frame(lines: [&mut [f32]; 2], map: &[f32], width: usize, row: usize) {
+    for (line, y) in lines.into_iter().zip(rows(row)) {
+        line.fill(f32::NEG_INFINITY);
+        if let Some(values) = y.and_then(|y| map.get(y * width..(y + 1) * width)) {
+            line[1..=width].copy_from_slice(values);
         }
     }
-    best
+}
+
+#[inline(always)]
+fn pairs(line: &[f32]) -> impl Iterator<Item = &[f32; 2]> {
+    line.as_chunks().0.iter()
+}
+
+#[inline(always)]
+fn pairs_mut(line: &mut [f32]) -> impl Iterator<Item = &mut [f32; 2]> {
+    line.as_chunks_mut().0.iter_mut()
+}
+
+#[inline(always)]
+fn exceeds(a: f32, b: f32) -> bool {
+    a > b || (a.is_nan() & !b.is_nan())
+}
+
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if exceeds(b, a) { b } else { a }
 }

@@ -11,7 +11,7 @@ use burn::nn::conv::Conv2dConfig;
 use burn::nn::pool::MaxPool2dConfig;
 use burn::prelude::{Device, Tensor, TensorData};
 use burn::tensor::activation::relu;
-use burn::tensor::module::{batch_norm_train, conv2d};
+use burn::tensor::module::{batch_norm_train, conv2d, interpolate};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
@@ -339,6 +339,39 @@ fn pools_agree_with_burn() {
         let [a, b] = [&ours, &burns].map(|g| input.grad(g).expect("a gradient"));
         assert_close("input gradient", a, b, 0.0);
     }
+}
+
+/// Sums of at most 16 products.
+#[test]
+fn upsampling_agrees_with_burn() {
+    let device = Device::flex().autodiff();
+    for [batch, channels, height, width] in [[2, 3, 8, 8], [1, 1, 1, 1], [2, 2, 1, 6], [1, 2, 5, 13]] {
+        let input = tensor(1, [batch, channels, height, width], &device).require_grad();
+        let ours = super::upsample(input.clone());
+        let options = super::bilinear().with_output_size([2 * height, 2 * width]);
+        let burns = interpolate(input.clone(), options);
+        assert_close("output", ours.clone(), burns.clone(), 1e-6);
+        let factors = tensor(4, ours.dims(), &device);
+        let ours = (ours * factors.clone()).sum().backward();
+        let burns = (burns * factors).sum().backward();
+        let [a, b] = [&ours, &burns].map(|g| input.grad(g).expect("a gradient"));
+        assert_close("input gradient", a, b, 1e-6);
+    }
+}
+
+/// Large tensors, so that the second step works in the memory of the first.
+#[test]
+fn memory_is_used_again() {
+    let device = Device::flex().autodiff();
+    let step = || {
+        let input = tensor(1, [2, 4, 100, 110], &device).require_grad();
+        let [gamma, beta] = [2, 3].map(|seed| tensor::<1>(seed, [4], &device));
+        let output = super::batch_norm_relu(input.clone(), gamma, beta, 1e-5).output;
+        let gradients = super::max_pool(output.clone()).square().sum().backward();
+        (host(output), host(input.grad(&gradients).expect("a gradient")))
+    };
+    let first = step();
+    assert!(first == step() && first == step());
 }
 
 #[test]
