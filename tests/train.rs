@@ -322,7 +322,16 @@ fn a_small_cache_changes_no_weight() {
             .find(|n| n.contains("do not fit the cache"));
         let start = fresh_weights(&config.sae, config.seed);
         let (mut report, cancel) = (|_| {}, Cancel::default());
-        train(&config, &dataset, &start, &out, Existing::Refuse, &mut report, &cancel).expect("a training");
+        train(
+            &config,
+            &dataset,
+            &start,
+            &out,
+            Existing::Refuse,
+            &mut report,
+            &cancel,
+        )
+        .expect("a training");
         (weights(&out).tensors, again.cloned())
     };
     let (all, notice) = trained(DEFAULT_CACHE);
