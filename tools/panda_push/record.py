@@ -225,7 +225,7 @@ def png_store(folder: Path, _sequences: int, _size: int) -> Iterator[Store]:
 
 @contextmanager
 def npz_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
-    """Stores `frames` and `sites`, (y, x), as float32 in recording.npz; the frames are written as they come."""
+    """Stores `frames` and `sites`, (x, y), as float32 in recording.npz; the frames are written as they come."""
     shape = (sequences, SEQUENCE_FRAMES, size, size, 3)
     sites: list[list[FloatArray]] = []
     with zipfile.ZipFile(folder / "recording.npz", "w", zipfile.ZIP_DEFLATED) as archive:
@@ -240,7 +240,7 @@ def npz_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
 
             yield store
         with archive.open("sites.npy", "w") as member:
-            np.lib.format.write_array(member, np.array(sites, dtype="<f4")[..., ::-1].copy())
+            np.lib.format.write_array(member, np.array(sites, dtype="<f4"))
 
 
 @contextmanager
