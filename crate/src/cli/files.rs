@@ -96,7 +96,7 @@ pub(super) fn read_keypoints(path: &Path) -> Result<KeypointTrack> {
 }
 
 pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
-    Checkpoint::from_safetensors(&read(path)?).map_err(|e| e.at(path.display()))
+    Checkpoint::from_bytes(&read(path)?).map_err(|e| e.at(path.display()))
 }
 
 fn told<T>(table: Table<T>, path: &Path) -> T {
