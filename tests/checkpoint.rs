@@ -101,7 +101,12 @@ fn the_authors_checkpoint_at_full_size() {
     let expected = Checkpoint::from_bytes(&expected).expect("a checkpoint");
     assert_eq!(weights(&checkpoint), weights(&expected));
     assert_eq!(checkpoint.config.name(), "basic-vel");
-    assert_eq!(checkpoint.metadata["epoch"], "499");
+    let summary = checkpoint.summary();
+    assert_eq!(
+        (summary.parameters.encoder, summary.parameters.decoder),
+        (289_520, 32_531)
+    );
+    assert_eq!((summary.epoch, summary.training.epochs), (Some(499), Some(500)));
     same_as_pytorch_reader(&bytes);
 }
 

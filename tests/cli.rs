@@ -429,7 +429,7 @@ fn bad_sources_are_told() {
     );
     let table = run(&data("data/panda_push/ground_truth.csv"), Path::new(&frames()));
     assert!(
-        stderr(&table).contains("not a complete .safetensors file"),
+        stderr(&table).contains("not a checkpoint ("),
         "{}",
         stderr(&table)
     );

@@ -481,6 +481,18 @@ fn files_are_recognised_by_name_and_header() {
     );
     assert_eq!(role("kp.csv", "sequence,frame,keypoint,x,y\n"), Role::Keypoints);
     assert_eq!(role("w.safetensors", ""), Role::Checkpoint);
+    assert_eq!(role("checkpoint_final.PTH", ""), Role::Checkpoint);
+    let by_content = |path: &str, name: &str| classify(path, &golden(name)[..4096]);
+    for name in ["basic-vel-std-bg-tiny.pth", "dsae-tiny.safetensors"] {
+        for path in ["weights", "run/weights.bin"] {
+            assert_eq!(by_content(path, name).role, Role::Checkpoint, "{path} {name}");
+        }
+    }
+    assert_eq!(
+        by_content("w", "basic-vel-std-bg-tiny.pth").reason,
+        "a PyTorch checkpoint, by its content"
+    );
+    assert_eq!(role("frames.zip", "PK\u{3}\u{4} something else"), Role::Unknown);
     assert_eq!(role("notes.pdf", ""), Role::Unknown);
     assert_eq!(role("__MACOSX/frame_0.png", ""), Role::Unknown);
     assert!(

@@ -10,9 +10,13 @@ mod config;
 mod formats;
 mod infer;
 mod layers;
+#[cfg(feature = "cli")]
+mod onnx;
+mod summary;
 mod tensors;
 
 pub use config::{Architecture, Family, SaeConfig};
 pub use formats::{Format, read_tensors};
 pub use layers::{BACKGROUND, ConvLayer, DENSE, SIGMA, TEMPERATURE};
+pub use summary::{Parameters, Summary, Training};
 pub use tensors::{Checkpoint, Tensor};

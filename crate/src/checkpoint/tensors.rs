@@ -8,7 +8,7 @@ use super::formats::{self, Contents, Format};
 use crate::error::{Error, Result};
 
 /// The metadata that holds the configuration.
-const CONFIG_KEY: &str = "tracklens.config";
+pub(super) const CONFIG_KEY: &str = "tracklens.config";
 /// The metadata that holds the authors' configuration, under the name it has in their files.
 const AUTHORS_KEY: &str = "cfg";
 
@@ -90,9 +90,7 @@ impl Checkpoint {
     pub fn to_bytes(&self, format: Format) -> Result<Vec<u8>> {
         self.validate()?;
         let mut metadata = self.metadata.clone();
-        let config = serde_json::to_string(&self.config)
-            .map_err(|e| Error::input(format!("the checkpoint cannot be written: {e}")))?;
-        metadata.insert(CONFIG_KEY.to_owned(), config);
+        metadata.insert(CONFIG_KEY.to_owned(), self.config_json()?);
         let tensors = self.tensors.clone();
         formats::write(format, &Contents { tensors, metadata })
     }
@@ -103,6 +101,11 @@ impl Checkpoint {
     /// As [`Checkpoint::to_bytes`].
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
         self.to_bytes(Format::Safetensors)
+    }
+
+    pub(super) fn config_json(&self) -> Result<String> {
+        serde_json::to_string(&self.config)
+            .map_err(|e| Error::input(format!("the configuration cannot be written: {e}")))
     }
 
     /// The tensor `name`.

@@ -47,15 +47,13 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
         .unwrap_or_default();
     match ending.as_str() {
         // By its name even where the content is something else: reading it says what is wrong.
-        _ if Format::from_extension(&ending).is_some() => {
-            (Role::Checkpoint, format!("a checkpoint, by its ending `.{ending}`"))
-        }
+        _ if Format::from_extension(&ending).is_some() => (
+            Role::Checkpoint,
+            format!("a checkpoint, by its ending `.{ending}`"),
+        ),
         "csv" | "tsv" | "txt" => table(head),
         ending => match (Format::of(head), ending) {
-            (Some(format), _) => (
-                Role::Checkpoint,
-                format!("a {format} checkpoint, by its content"),
-            ),
+            (Some(format), _) => (Role::Checkpoint, format!("a {format} checkpoint, by its content")),
             (None, "") => (Role::Unknown, "a file without an ending".to_owned()),
             (None, _) => (
                 Role::Unknown,
