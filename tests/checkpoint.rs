@@ -251,7 +251,7 @@ fn archive(pickle: &[u8], more: &[(&str, &[u8])]) -> Vec<u8> {
     let mut archive = rawzip::ZipArchiveWriter::new(&mut bytes);
     let storage: (&str, &[u8]) = ("data/0", &[0; 8]);
     for (name, data) in [("data.pkl", pickle), storage].iter().chain(more) {
-        let (mut entry, config) = archive.new_file(&format!("a/{name}")).start().expect("an entry");
+        let (mut entry, config) = archive.new_file(format!("a/{name}")).start().expect("an entry");
         let mut writer = config.wrap(&mut entry);
         writer.write_all(data).expect("written");
         let (_, descriptor) = writer.finish().expect("written");

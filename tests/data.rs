@@ -426,10 +426,9 @@ fn bad_checkpoints_are_told() {
     )
     .expect("bytes");
     let message_other = message(&other);
-    assert!(
-        message_other
-            .contains("not a checkpoint of a Basic SAE: tensor `encoder.block1.conv1.weight` is missing")
-    );
+    assert!(message_other.contains(
+        "not a checkpoint of a Basic, DSAE or KeyNet SAE: tensor `encoder.block1.conv1.weight` is missing"
+    ));
 
     let mut wrong = Checkpoint::from_safetensors(&bytes).expect("valid");
     wrong

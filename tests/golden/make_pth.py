@@ -5,8 +5,8 @@ basic-vel-std-bg-tiny.safetensors:
     python3 make_pth.py
 
 It imitates torch.save (of PyTorch 2) down to the order and alignment of the archive's entries, so that no PyTorch has
-to be installed; the configuration is a real OmegaConf container with the authors' values. What torch.load makes of the
-file was not part of making it.
+to be installed; the configuration is a real OmegaConf container with the authors' values. torch.load of PyTorch 2.15 takes
+the file, and what torch.save makes of that is read the same.
 """
 
 import collections
@@ -23,7 +23,7 @@ import numpy
 from omegaconf import OmegaConf
 from safetensors.numpy import load_file
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).resolve().parent
 NAME = "basic-vel-std-bg-tiny"
 
 CFG = {

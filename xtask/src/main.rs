@@ -7,6 +7,7 @@ mod bench;
 mod check;
 mod clean;
 mod package;
+mod python;
 mod run;
 mod serve;
 mod setup;

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::steps::Steps;
 use crate::workspace::Workspace;
-use crate::{package, run, setup, site};
+use crate::{package, python, run, setup, site};
 
 const PAGE_TESTS: &str = "the page in a browser";
 
@@ -28,6 +28,7 @@ pub fn run(workspace: &Workspace, skip_page: bool) -> Result<()> {
     steps.run("library and command line", || {
         cargo_test(workspace, &["--package=tracklens"])
     });
+    steps.run("exported encoders in onnxruntime", || onnx_tests(workspace));
 
     let npm = "npm package under node";
     if package.is_some() {
@@ -51,6 +52,24 @@ fn cargo_test(workspace: &Workspace, arguments: &[&str]) -> Result<()> {
         .args(["test", "--release", "--no-fail-fast"])
         .args(arguments);
     run::run(cargo.current_dir(workspace.root()))
+}
+
+fn onnx_tests(workspace: &Workspace) -> Result<()> {
+    let folder = workspace.root().join("tests/onnx");
+    let python = python::venv(workspace, &folder.join("requirements.txt"))?;
+    build_binary(workspace)?;
+    run::run(
+        run::command(python)
+            .arg(folder.join("check_onnx.py"))
+            .arg(workspace.binary("tracklens"))
+            .current_dir(workspace.root()),
+    )
+}
+
+fn build_binary(workspace: &Workspace) -> Result<()> {
+    let mut build = run::cargo();
+    build.args(["build", "--release", "--package=tracklens"]);
+    run::run(build.current_dir(workspace.root()))
 }
 
 /// The files are named one by one: what node makes of a folder changed between its versions.
@@ -81,9 +100,7 @@ fn npm_tests(workspace: &Workspace) -> Result<()> {
 
 /// The tests find the built site and the native binary, whose results they compare, by their environment.
 fn page_tests(workspace: &Workspace) -> Result<()> {
-    let mut build = run::cargo();
-    build.args(["build", "--release", "--package=tracklens"]);
-    run::run(build.current_dir(workspace.root()))?;
+    build_binary(workspace)?;
     let mut cargo = run::cargo();
     cargo
         .args([

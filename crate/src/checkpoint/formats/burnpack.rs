@@ -49,7 +49,8 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let description = bytes
         .get(HEADER..end)
         .ok_or_else(|| damaged(&"the description is cut"))?;
-    let (entries, metadata) = describe(description).map_err(|e| damaged(&e))?;
+    let (entries, metadata) =
+        describe(description).map_err(|_| damaged(&"the description is no CBOR of the kind burn writes"))?;
     let data = bytes.get(end.next_multiple_of(ALIGNMENT)..).unwrap_or_default();
     let mut tensors = BTreeMap::new();
     for (name, entry) in entries {
