@@ -122,7 +122,7 @@ export interface Extraction {
   height: number;
 }
 
-/** The encoder of a `.safetensors` checkpoint, on the CPU. */
+/** The encoder of a checkpoint (`.safetensors`, PyTorch's `.pth`, burn's `.bpk`; its content says which), on the CPU. */
 export class Encoder {
   constructor(bytes: Uint8Array, name: string);
   readonly info: EncoderInfo;

@@ -413,10 +413,10 @@ fn bad_checkpoints_are_told() {
             "cut at {end}: {cut}"
         );
     }
-    // A checkpoint of another family: its encoder has other names.
+    // A checkpoint of something else: its encoder has other names.
     let mut other = Checkpoint::from_safetensors(&bytes).expect("valid").tensors;
     let weight = other.remove("encoder.block1.conv1.weight").expect("a weight");
-    other.insert("encoder.conv1.weight".to_owned(), weight);
+    other.insert("encoder.stem.weight".to_owned(), weight);
     let other = safetensors::serialize(
         other.iter().map(|(name, t)| {
             let data: Vec<u8> = t.data.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -426,10 +426,9 @@ fn bad_checkpoints_are_told() {
     )
     .expect("bytes");
     let message_other = message(&other);
-    assert!(
-        message_other
-            .contains("not a checkpoint of a Basic SAE: tensor `encoder.block1.conv1.weight` is missing")
-    );
+    assert!(message_other.contains(
+        "not a checkpoint of a Basic, DSAE or KeyNet SAE: tensor `encoder.block1.conv1.weight` is missing"
+    ));
 
     let mut wrong = Checkpoint::from_safetensors(&bytes).expect("valid");
     wrong
@@ -481,6 +480,18 @@ fn files_are_recognised_by_name_and_header() {
     );
     assert_eq!(role("kp.csv", "sequence,frame,keypoint,x,y\n"), Role::Keypoints);
     assert_eq!(role("w.safetensors", ""), Role::Checkpoint);
+    assert_eq!(role("checkpoint_final.PTH", ""), Role::Checkpoint);
+    let by_content = |path: &str, name: &str| classify(path, &golden(name)[..4096]);
+    for name in ["basic-vel-std-bg-tiny.pth", "dsae-tiny.safetensors"] {
+        for path in ["weights", "run/weights.bin"] {
+            assert_eq!(by_content(path, name).role, Role::Checkpoint, "{path} {name}");
+        }
+    }
+    assert_eq!(
+        by_content("w", "basic-vel-std-bg-tiny.pth").reason,
+        "a PyTorch checkpoint, by its content"
+    );
+    assert_eq!(role("frames.zip", "PK\u{3}\u{4} something else"), Role::Unknown);
     assert_eq!(role("notes.pdf", ""), Role::Unknown);
     assert_eq!(role("__MACOSX/frame_0.png", ""), Role::Unknown);
     assert!(

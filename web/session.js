@@ -154,7 +154,7 @@ export class Session extends EventTarget {
           "nothing",
           "error",
           `${what}${sources.length === 1 ? " not" : ""} an image, a table or a checkpoint. Expected PNG, JPEG or WebP ` +
-            "images, a CSV table of object positions or keypoints, or a .safetensors checkpoint.",
+            "images, a CSV table of object positions or keypoints, or a checkpoint: .safetensors, .pth or .bpk.",
         );
       }
     });

@@ -34,7 +34,7 @@ test("frames, a checkpoint and a table make an evaluation", async () => {
   assert.equal(frames.length, 15);
   assert.deepEqual(frames.sequences[1], { name: "seq_0001", start: 5, length: 5 });
   assert.deepEqual(frames.ignored, ["ground_truth.csv"]);
-  assert.equal(encoder.info.architecture, "basic-std-bg");
+  assert.equal(encoder.info.architecture, "basic-kp4-std-bg");
   assert.equal(encoder.info.inputSize, null);
 
   const truth = tracklens.GroundTruthTable.parse(await read("ground_truth.csv"), "ground_truth.csv");
@@ -55,6 +55,21 @@ test("frames, a checkpoint and a table make an evaluation", async () => {
   const { truth: x, transformed: z } = scoring.series(2, best);
   const mean = x.reduce((sum, value, i) => sum + (value - z[i]) ** 2, 0) / 15;
   assert.ok(Math.abs(mean - error) < 1e-12 + 1e-9 * error);
+});
+
+test("a checkpoint of the authors' code is read as it is", async () => {
+  const bytes = await golden("basic-vel-std-bg-tiny.pth");
+  const encoder = new tracklens.Encoder(bytes, "checkpoint_final.pth");
+  assert.equal(encoder.info.architecture, "basic-kp4-vel-std-bg");
+  assert.equal(encoder.info.metadata.epoch, "499");
+  assert.equal(JSON.parse(encoder.info.metadata.cfg).training.learning_rate, 0.001);
+  const same = new tracklens.Encoder(await golden("basic-vel-std-bg-tiny.safetensors"), "w");
+  const frame = await read("seq_0000/frame_000.png");
+  assert.deepEqual(encoder.extract(frame, "f").points, same.extract(frame, "f").points);
+  const wrong = (bytes, message) =>
+    assert.throws(() => new tracklens.Encoder(bytes, "w.pth"), (error) => error.kind === "input" && message.test(error.message));
+  wrong(bytes.subarray(0, 30000), /w\.pth: not a complete \.pth file \(30000 bytes/);
+  wrong(new Uint8Array([0x80, 2, 0x8a, 10]), /which PyTorch wrote before 1\.6/);
 });
 
 test("a keypoint table survives the way through CSV", async () => {
@@ -96,6 +111,8 @@ test("files are recognised", () => {
   assert.equal(role("gt.csv", "sequence,frame,object,x,y\n"), "ground-truth");
   assert.equal(role("kp.csv", "sequence,frame,keypoint,x,y\n"), "keypoints");
   assert.equal(role("x.safetensors", ""), "checkpoint");
+  assert.equal(role("x.pth", ""), "checkpoint");
+  assert.equal(role("x.bpk", ""), "checkpoint");
   assert.equal(role("x.docx", ""), "unknown");
 });
 

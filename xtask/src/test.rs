@@ -29,6 +29,7 @@ pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Resul
     steps.run("library and command line", || {
         cargo_test(workspace, &["--package=tracklens"])
     });
+    steps.run("exported encoders in onnxruntime", || onnx_tests(workspace));
 
     if skip_recorder {
         steps.skipped(RECORDER);
@@ -92,6 +93,24 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     run::run(cargo.current_dir(workspace.root()))
 }
 
+fn onnx_tests(workspace: &Workspace) -> Result<()> {
+    let folder = workspace.root().join("tests/onnx");
+    let python = setup::python(workspace, "onnx", &folder.join("requirements.txt"))?;
+    build_binary(workspace)?;
+    run::run(
+        run::command(python)
+            .arg(folder.join("check_onnx.py"))
+            .arg(workspace.binary("tracklens"))
+            .current_dir(workspace.root()),
+    )
+}
+
+fn build_binary(workspace: &Workspace) -> Result<()> {
+    let mut build = run::cargo();
+    build.args(["build", "--release", "--package=tracklens"]);
+    run::run(build.current_dir(workspace.root()))
+}
+
 /// The files are named one by one: what node makes of a folder changed between its versions.
 fn npm_tests(workspace: &Workspace) -> Result<()> {
     let folder = workspace.root().join("tests/npm");
@@ -120,9 +139,7 @@ fn npm_tests(workspace: &Workspace) -> Result<()> {
 
 /// The tests find the built site and the native binary, whose results they compare, by their environment.
 fn page_tests(workspace: &Workspace) -> Result<()> {
-    let mut build = run::cargo();
-    build.args(["build", "--release", "--package=tracklens"]);
-    run::run(build.current_dir(workspace.root()))?;
+    build_binary(workspace)?;
     let mut cargo = run::cargo();
     cargo
         .args([

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::authors::Said;
 use super::layers::{BACKGROUND, DENSE, SIGMA, TEMPERATURE};
 use super::{Architecture, Family, SaeConfig, Tensor};
 use crate::error::{Error, Result};
@@ -9,10 +10,10 @@ use crate::error::{Error, Result};
 impl SaeConfig {
     /// The configuration that a state dict of the authors' SAEs has.
     ///
-    /// What names and shapes do not tell is set to the paper's value: `-vel` (a loss, it leaves no tensor) is
-    /// off but for DSAE, sigma and temperature are 0.1 and 1 unless trained, the target is 64 x 64 unless a background
-    /// bias or a dense decoder gives it.
-    pub(super) fn infer(tensors: &BTreeMap<String, Tensor>) -> Result<Self> {
+    /// What names and shapes do not tell is as the authors' configuration says, else the paper's value: `-vel` (a loss,
+    /// it leaves no tensor) is off but for DSAE, sigma and temperature are 0.1 and 1 unless trained, the target is 64 x
+    /// 64 unless a background bias or a dense decoder gives it.
+    pub(super) fn infer(tensors: &BTreeMap<String, Tensor>, said: &Said) -> Result<Self> {
         let shape = |name: &str| -> Result<[usize; 4]> {
             let found = tensors.get(name).ok_or_else(|| {
                 Error::input(format!(
@@ -37,7 +38,7 @@ impl SaeConfig {
         };
         let mut config = Self::new(Architecture {
             family,
-            velocity: family == Family::Dsae,
+            velocity: family == Family::Dsae || said.velocity == Some(true),
             trained_sigma: has(SIGMA),
             background: has(BACKGROUND),
         });
@@ -81,10 +82,19 @@ impl SaeConfig {
         }
         config.trained_temperature = has(TEMPERATURE);
         config.sigma_per_keypoint = tensors.get(SIGMA).is_some_and(|sigma| sigma.shape.len() == 3);
+        config.temperature = said.temperature.unwrap_or(config.temperature);
+        config.sigma = said.sigma.unwrap_or(config.sigma);
+        config.sigma_limit = said.sigma_limit;
         let dense = tensors.get(&format!("{DENSE}.bias"));
-        config.target_size = match (tensors.get(BACKGROUND).map(|t| t.shape.as_slice()), dense) {
-            (Some([_, height, width]), _) => [*width, *height],
-            (_, Some(bias)) => {
+        let background = tensors.get(BACKGROUND).map(|t| t.shape.as_slice());
+        config.target_size = match (background, dense, said.target_size) {
+            (Some([_, height, width]), _, _) => [*width, *height],
+            (_, Some(bias), Some([width, height]))
+                if width.checked_mul(height).and_then(|n| n.checked_mul(3)) == Some(bias.data.len()) =>
+            {
+                [width, height]
+            }
+            (_, Some(bias), _) => {
                 let side = (bias.data.len() as f64 / 3.0).sqrt().round() as usize;
                 if 3 * side * side != bias.data.len() {
                     return Err(Error::input(format!(
@@ -94,7 +104,8 @@ impl SaeConfig {
                 }
                 [side, side]
             }
-            _ => [64, 64],
+            (_, None, Some(size)) => size,
+            (_, None, None) => [64, 64],
         };
         Ok(config)
     }

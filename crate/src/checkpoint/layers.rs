@@ -124,6 +124,21 @@ impl SaeConfig {
         layers
     }
 
+    /// Where the cells of the encoder's last feature map lie in its input: the pixel of the first one's centre and the
+    /// pixels from one to the next, along both axes.
+    pub fn cell_positions(&self) -> [f64; 2] {
+        let (mut first, mut step) = (0.0, 1.0);
+        for layer in self.encoder_layers() {
+            first += step * ((layer.kernel - 1) as f64 / 2.0 - layer.padding as f64);
+            step *= layer.stride as f64;
+            if layer.pool {
+                first -= 0.5 * step;
+                step *= 2.0;
+            }
+        }
+        [first, step]
+    }
+
     /// The convolutions of the decoder, from N Gaussian maps to an RGB image; none for a DSAE.
     pub fn decoder_layers(&self) -> Vec<ConvLayer> {
         let (channels, kernels) = (&self.decoder_channels, &self.decoder_kernels);

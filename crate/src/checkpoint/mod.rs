@@ -1,14 +1,22 @@
 //! Checkpoints: the weights of an SAE with its configuration, independent of what runs them.
 //!
-//! A checkpoint is a `.safetensors` file whose tensors carry the names of the authors' PyTorch state dict
-//! (`encoder.block1.conv1.weight`). Files written here hold the [`SaeConfig`] as JSON under the metadata key
-//! `tracklens.config`; for files without it the configuration is inferred from names and shapes.
+//! A checkpoint is a file whose tensors carry the names of the authors' PyTorch state dict
+//! (`encoder.block1.conv1.weight`), in one of three containers: `.safetensors`, PyTorch's `.pth`, burn's `.bpk`. Files
+//! written here hold the [`SaeConfig`] as JSON under the metadata key `tracklens.config`; for files without it the
+//! configuration is inferred from names and shapes, and from the authors' `cfg` where it says more.
 
+mod authors;
 mod config;
+mod formats;
 mod infer;
 mod layers;
+#[cfg(feature = "cli")]
+mod onnx;
+mod summary;
 mod tensors;
 
 pub use config::{Architecture, Family, SaeConfig};
+pub use formats::{Format, read_tensors};
 pub use layers::{BACKGROUND, ConvLayer, DENSE, SIGMA, TEMPERATURE};
+pub use summary::{Parameters, Summary, Training};
 pub use tensors::{Checkpoint, Tensor};

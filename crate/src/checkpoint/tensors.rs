@@ -1,14 +1,16 @@
-//! Reading and writing `.safetensors`.
+//! Tensors by name, and the checkpoint that they make.
 
-use std::borrow::Cow;
-use std::collections::{BTreeMap, HashMap};
-
-use safetensors::tensor::{Dtype, SafeTensors, View};
+use std::collections::BTreeMap;
 
 use super::SaeConfig;
+use super::authors::Said;
+use super::formats::{self, Contents, Format};
 use crate::error::{Error, Result};
 
-const CONFIG_KEY: &str = "tracklens.config";
+/// The metadata that holds the configuration.
+pub(super) const CONFIG_KEY: &str = "tracklens.config";
+/// The metadata that holds the authors' configuration, under the name it has in their files.
+const AUTHORS_KEY: &str = "cfg";
 
 /// A dense f32 tensor in row-major order.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +19,12 @@ pub struct Tensor {
     pub shape: Vec<usize>,
     /// The values, row-major.
     pub data: Vec<f32>,
+}
+
+impl Tensor {
+    pub(super) fn to_le_bytes(&self) -> Vec<u8> {
+        self.data.iter().flat_map(|v| v.to_le_bytes()).collect()
+    }
 }
 
 /// The weights of an SAE under the authors' tensor names, its configuration and free-form metadata.
@@ -31,44 +39,40 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
+    /// Reads a checkpoint of any [`Format`], which its first bytes tell.
+    ///
+    /// # Errors
+    /// When the bytes are no complete file of a known format, when a tensor is missing, has another shape or a value
+    /// that is not finite, or when the file holds another architecture.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        Self::from_contents(formats::read(bytes)?)
+    }
+
     /// Reads a `.safetensors` file.
     ///
     /// # Errors
-    /// When the bytes are not a complete safetensors file, when a tensor is missing, has another shape or a
-    /// value that is not finite, or when the file holds another architecture.
+    /// As [`Checkpoint::from_bytes`], and when the file has another format.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| not_readable(bytes, &e))?;
-        let file = SafeTensors::deserialize(bytes).map_err(|e| not_readable(bytes, &e))?;
-        let mut tensors = BTreeMap::new();
-        for (name, view) in file.iter() {
-            if view.dtype() == Dtype::F32 {
-                let data = view
-                    .data()
-                    .chunks_exact(4)
-                    .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-                    .collect();
-                let shape = view.shape().to_vec();
-                tensors.insert(name.to_owned(), Tensor { shape, data });
-            } else if !name.ends_with("num_batches_tracked") {
-                return Err(Error::input(format!(
-                    "tensor `{name}` is {:?}; expected F32 weights",
-                    view.dtype()
-                )));
-            }
-        }
-        let mut metadata: BTreeMap<String, String> = header
-            .metadata()
-            .iter()
-            .flatten()
-            .map(|(k, v)| (k.clone(), v.clone()))
-            .collect();
+        Self::from_contents(formats::read_safetensors(bytes)?)
+    }
+
+    fn from_contents(
+        Contents {
+            tensors,
+            mut metadata,
+        }: Contents,
+    ) -> Result<Self> {
         let config = match metadata.remove(CONFIG_KEY) {
             Some(json) => serde_json::from_str(&json).map_err(|e| {
                 Error::input(format!(
                     "the metadata `{CONFIG_KEY}` is not a configuration this version understands: {e}"
                 ))
             })?,
-            None => SaeConfig::infer(&tensors)?,
+            None => {
+                let cfg = metadata.get(AUTHORS_KEY);
+                let cfg = cfg.and_then(|json| serde_json::from_str(json).ok());
+                SaeConfig::infer(&tensors, &cfg.as_ref().map(Said::read).unwrap_or_default())?
+            }
         };
         let checkpoint = Self {
             config,
@@ -79,18 +83,29 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
-    /// The bytes of a `.safetensors` file with the configuration and the metadata in its header.
+    /// The bytes of a file with the configuration and the metadata in it.
     ///
     /// # Errors
     /// When the tensors do not fit the configuration.
-    pub fn to_safetensors(&self) -> Result<Vec<u8>> {
+    pub fn to_bytes(&self, format: Format) -> Result<Vec<u8>> {
         self.validate()?;
-        let failed =
-            |e: &dyn std::fmt::Display| Error::input(format!("the checkpoint cannot be written: {e}"));
-        let mut header: HashMap<String, String> = self.metadata.clone().into_iter().collect();
-        let config = serde_json::to_string(&self.config).map_err(|e| failed(&e))?;
-        header.insert(CONFIG_KEY.to_owned(), config);
-        safetensors::serialize(&self.tensors, Some(header)).map_err(|e| failed(&e))
+        let mut metadata = self.metadata.clone();
+        metadata.insert(CONFIG_KEY.to_owned(), self.config_json()?);
+        let tensors = self.tensors.clone();
+        formats::write(format, &Contents { tensors, metadata })
+    }
+
+    /// The bytes of a `.safetensors` file with the configuration and the metadata in its header.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::to_bytes`].
+    pub fn to_safetensors(&self) -> Result<Vec<u8>> {
+        self.to_bytes(Format::Safetensors)
+    }
+
+    pub(super) fn config_json(&self) -> Result<String> {
+        serde_json::to_string(&self.config)
+            .map_err(|e| Error::input(format!("the configuration cannot be written: {e}")))
     }
 
     /// The tensor `name`.
@@ -137,30 +152,5 @@ impl Checkpoint {
     /// Whether the decoder's weights are there too.
     pub fn has_decoder(&self) -> bool {
         self.tensors.keys().any(|name| name.starts_with("decoder."))
-    }
-}
-
-fn not_readable(bytes: &[u8], error: &dyn std::fmt::Display) -> Error {
-    Error::input(format!(
-        "not a complete .safetensors file ({} bytes: {error}); was the download or the copy cut short?",
-        bytes.len()
-    ))
-}
-
-impl View for &Tensor {
-    fn dtype(&self) -> Dtype {
-        Dtype::F32
-    }
-
-    fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
-    fn data(&self) -> Cow<'_, [u8]> {
-        Cow::Owned(self.data.iter().flat_map(|v| v.to_le_bytes()).collect())
-    }
-
-    fn data_len(&self) -> usize {
-        self.data.len() * 4
     }
 }

@@ -46,7 +46,7 @@ pub(super) struct EvalArguments {
 /// Where keypoints come from; shared by `extract` and `eval`.
 #[derive(Debug, Args)]
 struct SourceArguments {
-    /// Weights of the encoder
+    /// Weights of the encoder: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
     /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz, .hdf5)

@@ -253,7 +253,7 @@ pub(super) fn read_keypoints(path: &Path, arguments: &TruthArguments) -> Result<
 }
 
 pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
-    Checkpoint::from_safetensors(&read(path)?).map_err(|e| e.at(path.display()))
+    Checkpoint::from_bytes(&read(path)?).map_err(|e| e.at(path.display()))
 }
 
 fn told<T>(table: Table<T>, path: &Path) -> T {

@@ -1,5 +1,6 @@
 //! The terminal face: parse arguments, read files, call, show.
 
+mod checkpoint;
 mod data;
 mod extract;
 mod files;
@@ -36,6 +37,12 @@ enum Command {
     Extract(extract::ExtractArguments),
     /// Extract and score in one go.
     Eval(extract::EvalArguments),
+    /// Write a checkpoint in another format: .safetensors, .pth (PyTorch) or .bpk (burn).
+    Convert(checkpoint::ConvertArguments),
+    /// Say what a checkpoint is: architecture, sizes, parameters, training.
+    Inspect(checkpoint::InspectArguments),
+    /// Write the encoder of a checkpoint as an ONNX model.
+    Export(checkpoint::ExportArguments),
     /// Train a spatial autoencoder on image sequences.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArguments>),
@@ -49,6 +56,9 @@ pub fn main() -> ExitCode {
         Command::Data(command) => data::run(&command),
         Command::Extract(arguments) => extract::run(&arguments),
         Command::Eval(arguments) => extract::run_eval(&arguments),
+        Command::Convert(arguments) => checkpoint::convert(&arguments),
+        Command::Inspect(arguments) => checkpoint::inspect(&arguments),
+        Command::Export(arguments) => checkpoint::export(&arguments),
         #[cfg(feature = "train")]
         Command::Train(arguments) => train::run(&arguments),
     };

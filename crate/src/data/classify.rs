@@ -1,6 +1,7 @@
 //! What a file is, from its path and first bytes.
 
 use super::frames::{is_hidden, is_image};
+use crate::checkpoint::Format;
 
 /// What a file is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,13 +46,22 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
         .map(|(_, e)| e.to_ascii_lowercase())
         .unwrap_or_default();
     match ending.as_str() {
-        "safetensors" => (Role::Checkpoint, "a .safetensors checkpoint".to_owned()),
-        "csv" | "tsv" | "txt" => table(head),
-        "" => (Role::Unknown, "a file without an ending".to_owned()),
-        _ => (
-            Role::Unknown,
-            format!("`.{ending}` is not known; expected images, a .csv table or a .safetensors checkpoint"),
+        // By its name even where the content is something else: reading it says what is wrong.
+        _ if Format::from_extension(&ending).is_some() => (
+            Role::Checkpoint,
+            format!("a checkpoint, by its ending `.{ending}`"),
         ),
+        "csv" | "tsv" | "txt" => table(head),
+        ending => match (Format::of(head), ending) {
+            (Some(format), _) => (Role::Checkpoint, format!("a {format} checkpoint, by its content")),
+            (None, "") => (Role::Unknown, "a file without an ending".to_owned()),
+            (None, _) => (
+                Role::Unknown,
+                format!(
+                    "`.{ending}` is not known; expected images, a .csv table or a checkpoint (.safetensors, .pth, .bpk)"
+                ),
+            ),
+        },
     }
 }
 

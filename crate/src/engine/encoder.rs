@@ -158,19 +158,13 @@ impl Encoder {
             .config
             .input_size
             .unwrap_or(image_size.map(|side| side as usize));
+        let [first, step] = self.config.cell_positions();
         let ndc_from_latent = input.map(|side| {
-            // The pixel of the first cell, the pixels from a cell to the next, the number of cells.
-            let (mut first, mut stride, mut cells) = (0.0, 1.0, side);
+            let mut cells = side;
             for Layer { shape, .. } in &self.layers {
-                first += stride * ((shape.kernel - 1) as f64 / 2.0 - shape.padding as f64);
-                stride *= shape.stride as f64;
                 cells = shape.output_side(cells).unwrap_or(1);
-                if shape.pool {
-                    first -= 0.5 * stride;
-                    stride *= 2.0;
-                }
             }
-            let last = first + stride * (cells - 1) as f64;
+            let last = first + step * (cells - 1) as f64;
             let ndc = |pixel: f64| (2.0 * pixel + 1.0) / side as f64 - 1.0;
             [(ndc(last) - ndc(first)) / 2.0, (ndc(last) + ndc(first)) / 2.0]
         });

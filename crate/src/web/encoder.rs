@@ -38,14 +38,14 @@ struct EncoderInfo<'a> {
 
 #[wasm_bindgen]
 impl Encoder {
-    /// Reads a `.safetensors` checkpoint.
+    /// Reads a checkpoint: `.safetensors`, `.pth` or `.bpk`.
     ///
     /// # Errors
-    /// As [`Checkpoint::from_safetensors`].
+    /// As [`Checkpoint::from_bytes`].
     #[wasm_bindgen(constructor)]
     pub fn new(bytes: &[u8], name: &str) -> JsResult<Encoder> {
         let load = || {
-            let checkpoint = Checkpoint::from_safetensors(bytes)?;
+            let checkpoint = Checkpoint::from_bytes(bytes)?;
             let extractor = CpuExtractor::from_checkpoint(&checkpoint)?;
             Ok(Self {
                 extractor,

@@ -11,7 +11,7 @@ use crate::run;
 use crate::workspace::Workspace;
 
 const PYTHON: Package = Package {
-    what: "Python 3.10 or later with its venv module",
+    what: "Python 3.11 or later with its venv module",
     apt: &["python3", "python3-venv"],
     elsewhere: &[
         ("brew", "brew install python@3.11"),
@@ -23,12 +23,11 @@ const PYTHON: Package = Package {
     otherwise: "Python is at https://www.python.org",
 };
 
-/// The programs to try. The first two come first, as PyBullet has ready wheels for them and is compiled by the
-/// others.
-const NAMES: [&str; 4] = ["python3.11", "python3.10", "python3", "python"];
+/// The programs to try. The first one comes first, as PyBullet has ready wheels for it and is compiled by the others.
+const NAMES: [&str; 3] = ["python3.11", "python3", "python"];
 
 /// Ends with success where a virtual environment can be made.
-const USABLE: &str = "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 10))";
+const USABLE: &str = "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))";
 
 /// The Python of a virtual environment with the pinned packages, made if it is not there or has others.
 ///

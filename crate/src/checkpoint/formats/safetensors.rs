@@ -1,0 +1,82 @@
+//! `.safetensors`.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
+
+use safetensors::tensor::{Dtype, SafeTensors, View};
+use serde_json::{Map, Value};
+
+use super::{Contents, Element, is_counter, not_float};
+use crate::checkpoint::Tensor;
+use crate::error::{Error, Result};
+
+pub fn read(bytes: &[u8]) -> Result<Contents> {
+    let not_readable = |e| {
+        Error::input(format!(
+            "not a complete .safetensors file ({} bytes: {e}); was the download or the copy cut short?",
+            bytes.len()
+        ))
+    };
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_readable)?;
+    let file = SafeTensors::deserialize(bytes).map_err(not_readable)?;
+    let mut tensors = BTreeMap::new();
+    for (name, view) in file.iter() {
+        let element = match view.dtype() {
+            Dtype::F64 => Element::F64,
+            Dtype::F32 => Element::F32,
+            Dtype::F16 => Element::F16,
+            Dtype::BF16 => Element::Bf16,
+            _ if is_counter(name) => continue,
+            other => return Err(not_float(name, &format_args!("{other:?}"))),
+        };
+        let shape = view.shape().to_vec();
+        let data = element.floats(view.data());
+        tensors.insert(name.to_owned(), Tensor { shape, data });
+    }
+    let metadata = header
+        .metadata()
+        .iter()
+        .flatten()
+        .map(|(k, v)| (k.clone(), v.clone()))
+        .collect();
+    Ok(Contents { tensors, metadata })
+}
+
+pub fn write(contents: &Contents) -> Result<Vec<u8>> {
+    let failed = |e: &dyn std::fmt::Display| Error::input(format!("the checkpoint cannot be written: {e}"));
+    let metadata: HashMap<String, String> = contents.metadata.clone().into_iter().collect();
+    let bytes = safetensors::serialize(&contents.tensors, Some(metadata)).map_err(|e| failed(&e))?;
+    sorted(&bytes).map_err(|e| failed(&e))
+}
+
+/// The same file with its header in alphabetical order: `safetensors` writes the metadata in the random order of a hash
+/// map, and equal checkpoints have to be equal files.
+fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
+    const LENGTH: usize = size_of::<u64>();
+    let (length, rest) = bytes.split_at(LENGTH);
+    let length = length.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
+    let (header, data) = rest.split_at(length);
+    let header: BTreeMap<String, Map<String, Value>> = serde_json::from_slice(header)?;
+    let mut header = serde_json::to_vec(&header)?;
+    header.resize(header.len().next_multiple_of(LENGTH), b' ');
+    let length = (header.len() as u64).to_le_bytes();
+    Ok([&length, header.as_slice(), data].concat())
+}
+
+impl View for &Tensor {
+    fn dtype(&self) -> Dtype {
+        Dtype::F32
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Owned(self.to_le_bytes())
+    }
+
+    fn data_len(&self) -> usize {
+        self.data.len() * 4
+    }
+}

@@ -1,0 +1,201 @@
+//! `tracklens convert`, `tracklens inspect` and `tracklens export`.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use comfy_table::presets::NOTHING;
+use serde::Serialize;
+
+use super::files;
+use crate::atomic;
+use crate::checkpoint::{Checkpoint, Format, Summary};
+use crate::error::{Error, Result};
+
+#[derive(Debug, Args)]
+pub(super) struct ConvertArguments {
+    /// The checkpoint to read: .safetensors, PyTorch's .pth or burn's .bpk
+    #[arg(value_name = "IN")]
+    from: PathBuf,
+    /// The file to write; its ending says the format
+    #[arg(value_name = "OUT")]
+    to: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct InspectArguments {
+    /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Print JSON (the default when the output is not a terminal)
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ExportArguments {
+    /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
+    #[arg(long, value_name = "W.safetensors")]
+    checkpoint: PathBuf,
+    /// Where to write the encoder as an ONNX model (operator set 17)
+    #[arg(long, value_name = "ENCODER.onnx")]
+    onnx: PathBuf,
+}
+
+pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
+    let extension = arguments.to.extension().unwrap_or_default().to_string_lossy();
+    let format = Format::from_extension(&extension).ok_or_else(|| {
+        Error::input(format!(
+            "the ending `.{extension}` names no format to convert to; expected .safetensors, .pth or .bpk"
+        ))
+        .at(arguments.to.display())
+    })?;
+    atomic::check(&arguments.to)?;
+    let checkpoint = files::read_checkpoint(&arguments.from)?;
+    atomic::write(&arguments.to, &checkpoint.to_bytes(format)?)?;
+    told(&checkpoint, &arguments.to);
+    Ok(())
+}
+
+pub(super) fn export(arguments: &ExportArguments) -> Result<()> {
+    atomic::check(&arguments.onnx)?;
+    let checkpoint = files::read_checkpoint(&arguments.checkpoint)?;
+    let model = checkpoint
+        .to_onnx()
+        .map_err(|e| e.at(arguments.checkpoint.display()))?;
+    atomic::write(&arguments.onnx, &model)?;
+    told(&checkpoint, &arguments.onnx);
+    Ok(())
+}
+
+fn told(checkpoint: &Checkpoint, path: &Path) {
+    eprintln!("{} written to {}", checkpoint.config.name(), path.display());
+}
+
+/// What is printed as JSON.
+#[derive(Serialize)]
+struct Inspection {
+    format: Format,
+    bytes: usize,
+    #[serde(flatten)]
+    summary: Summary,
+}
+
+pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
+    let bytes = files::read(&arguments.file)?;
+    let unknown = || Error::input("not a checkpoint");
+    let checkpoint = Checkpoint::from_bytes(&bytes).map_err(|e| e.at(arguments.file.display()))?;
+    let inspection = Inspection {
+        format: Format::of(&bytes).ok_or_else(unknown)?,
+        bytes: bytes.len(),
+        summary: checkpoint.summary(),
+    };
+    if arguments.json || !std::io::stdout().is_terminal() {
+        let json = serde_json::to_string_pretty(&inspection)
+            .map_err(|e| Error::input(format!("the summary cannot be written as JSON: {e}")))?;
+        println!("{json}");
+    } else {
+        print_table(&inspection);
+    }
+    Ok(())
+}
+
+fn print_table(
+    Inspection {
+        format,
+        bytes,
+        summary,
+    }: &Inspection,
+) {
+    let config = &summary.config;
+    let list = |values: &[usize]| values.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let size = |[width, height]: [usize; 2]| format!("{width} x {height}");
+    let mut table = comfy_table::Table::new();
+    table.load_preset(NOTHING);
+    let mut row = |name: &str, value: String| {
+        if !value.is_empty() {
+            table.add_row([name.to_owned(), value]);
+        }
+    };
+    row("file", format!("{format}, {bytes} bytes"));
+    row(
+        "architecture",
+        format!("{} ({})", summary.name, config.architecture.family),
+    );
+    row("keypoints", config.keypoints.to_string());
+    let modifications = [
+        (config.architecture.velocity, "velocity loss"),
+        (config.architecture.trained_sigma, "trained sigma"),
+        (config.architecture.background, "background bias"),
+        (config.trained_temperature, "trained temperature"),
+    ];
+    let on: Vec<&str> = modifications
+        .iter()
+        .filter(|(on, _)| *on)
+        .map(|(_, name)| *name)
+        .collect();
+    row(
+        "modifications",
+        if on.is_empty() {
+            "none".to_owned()
+        } else {
+            on.join(", ")
+        },
+    );
+    row(
+        "input",
+        config
+            .input_size
+            .map_or_else(|| "as the frames are".to_owned(), size),
+    );
+    row("target", size(config.target_size));
+    row(
+        "encoder",
+        format!(
+            "channels {}; kernels {}",
+            list(&config.encoder_channels),
+            list(&config.encoder_kernels)
+        ),
+    );
+    if summary.parameters.decoder > 0 && !config.decoder_channels.is_empty() {
+        row(
+            "decoder",
+            format!(
+                "channels {}; kernels {}",
+                list(&config.decoder_channels),
+                list(&config.decoder_kernels)
+            ),
+        );
+    }
+    let parameters = &summary.parameters;
+    row(
+        "parameters",
+        format!(
+            "{} (encoder {}, decoder {}) and {} of batch norms",
+            parameters.encoder + parameters.decoder,
+            parameters.encoder,
+            parameters.decoder,
+            summary.buffers
+        ),
+    );
+    row(
+        "epoch",
+        summary.epoch.map_or_else(String::new, |epoch| epoch.to_string()),
+    );
+    let training = &summary.training;
+    let numbers = [
+        ("epochs", training.epochs.map(|v| v.to_string())),
+        ("batch", training.batch.map(|v| v.to_string())),
+        ("learning rate", training.learning_rate.map(|v| v.to_string())),
+        ("velocity weight", training.velocity_weight.map(|v| v.to_string())),
+        ("noise", training.noise.map(|v| v.to_string())),
+        ("seed", training.seed.map(|v| v.to_string())),
+    ];
+    let numbers: Vec<String> = numbers
+        .into_iter()
+        .filter_map(|(name, value)| Some(format!("{name} {}", value?)))
+        .collect();
+    row("training", numbers.join(", "));
+    row("other tensors", summary.other_tensors.join(", "));
+    println!("{table}");
+}
