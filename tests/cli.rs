@@ -621,6 +621,141 @@ mod train {
         assert_eq!(epochs_in(&out), epochs_in(&straight));
     }
 
+    /// What TensorBoard's `event.proto` and `summary.proto` define, as far as scalars need it.
+    #[derive(Clone, PartialEq, prost::Message)]
+    struct EventRecord {
+        #[prost(int64, tag = "2")]
+        step: i64,
+        #[prost(string, tag = "3")]
+        file_version: String,
+        #[prost(message, optional, tag = "5")]
+        summary: Option<Summary>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    struct Summary {
+        #[prost(message, repeated, tag = "1")]
+        values: Vec<Scalar>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    struct Scalar {
+        #[prost(string, tag = "1")]
+        tag: String,
+        #[prost(float, tag = "2")]
+        value: f32,
+    }
+
+    /// The records of a TFRecord file: length (u64), its checksum, the bytes, their checksum.
+    fn records(file: &[u8]) -> Vec<EventRecord> {
+        let mut records = Vec::new();
+        let mut rest = file;
+        while let Some((length, after)) = rest.split_first_chunk() {
+            let length = u64::from_le_bytes(*length) as usize;
+            let bytes = &after[4..4 + length];
+            records.push(prost::Message::decode(bytes).expect("an event"));
+            rest = &after[4 + length + 4..];
+        }
+        records
+    }
+
+    #[test]
+    fn tensorboard_gets_what_the_log_has() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("run");
+        // The second part of the run has to bring the epochs of the first along.
+        for epochs in ["1", "3"] {
+            let done = tracklens(&arguments(
+                &out,
+                &["--epochs", epochs, "--resume", "--tensorboard"],
+            ));
+            assert!(done.status.success(), "{}", stderr(&done));
+        }
+        let files: Vec<_> = std::fs::read_dir(&out)
+            .expect("a folder")
+            .map(|entry| entry.expect("an entry"))
+            .filter(|entry| entry.file_name().to_string_lossy().contains("tfevents"))
+            .collect();
+        assert_eq!(files.len(), 1, "{files:?}");
+        let written = records(&std::fs::read(files[0].path()).expect("an event file"));
+        assert_eq!(written[0].file_version, "brain.Event:2");
+        let scalar = |step: i64, tag: &str| {
+            let mut values = written
+                .iter()
+                .filter(|record| record.step == step)
+                .flat_map(|record| record.summary.iter().flat_map(|summary| &summary.values))
+                .filter(|scalar| scalar.tag == tag);
+            let value = values
+                .next()
+                .unwrap_or_else(|| panic!("no `{tag}` in epoch {step}"))
+                .value;
+            assert!(values.next().is_none(), "`{tag}` twice in epoch {step}");
+            value
+        };
+        let log = std::fs::read_to_string(out.join("log.jsonl")).expect("a log");
+        assert_eq!(log.lines().count(), 3);
+        for line in log.lines() {
+            let entry: Value = serde_json::from_str(line).expect("JSON");
+            let epoch = entry["epoch"].as_i64().expect("an epoch");
+            let number = |value: &Value| value.as_f64().expect("a number") as f32;
+            assert_eq!(scalar(epoch, "tc"), number(&entry["tc"]));
+            assert_eq!(
+                scalar(epoch, "training/total"),
+                number(&entry["training"]["total"])
+            );
+            assert_eq!(
+                scalar(epoch, "validation/velocity"),
+                number(&entry["validation"]["velocity"])
+            );
+            for (map, errors) in entry["errors"].as_object().expect("errors") {
+                for (object, error) in errors.as_object().expect("objects") {
+                    assert_eq!(scalar(epoch, &format!("error/{map}/{object}")), number(error));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_layer_comes_from_another_network() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [other, out] = ["other", "run"].map(|name| folder.path().join(name));
+        let done = tracklens(&arguments(&other, &["--epochs", "1"]));
+        assert!(done.status.success(), "{}", stderr(&done));
+        let file = text(&other.join("checkpoint_final.safetensors"));
+        let from_file = ["--first-layer", &file, "--seed", "1", "--resume"];
+        let done = tracklens(&arguments(&out, &[&["--epochs", "1"], &from_file[..]].concat()));
+        assert!(done.status.success(), "{}", stderr(&done));
+        assert!(
+            stderr(&done).contains("the first layer starts from `encoder.block1.conv1.weight`"),
+            "{}",
+            stderr(&done)
+        );
+        let config = std::fs::read(out.join("config.json")).expect("a configuration");
+        let config: Value = serde_json::from_slice(&config).expect("JSON");
+        assert_eq!(config["first_layer"]["tensor"], "encoder.block1.conv1.weight");
+
+        let without = tracklens(&arguments(&out, &["--epochs", "2", "--seed", "1", "--resume"]));
+        assert_eq!(without.status.code(), Some(4));
+        assert!(stderr(&without).contains("first_layer"), "{}", stderr(&without));
+        let with = tracklens(&arguments(&out, &[&["--epochs", "2"], &from_file[..]].concat()));
+        assert!(with.status.success(), "{}", stderr(&with));
+
+        let golden = format!(
+            "{}/../tests/golden/dsae-tiny.safetensors",
+            env!("CARGO_MANIFEST_DIR")
+        );
+        let new = folder.path().join("new");
+        let unfit = tracklens(&arguments(&new, &["--epochs", "1", "--first-layer", &golden]));
+        assert_eq!(unfit.status.code(), Some(4));
+        assert!(
+            stderr(&unfit).contains(&golden) && stderr(&unfit).contains("have the shape [4, 3, 3, 3]")
+                || stderr(&unfit).contains("tensors has the shape [4, 3, 3, 3]"),
+            "{}",
+            stderr(&unfit)
+        );
+        assert!(!new.join("config.json").exists());
+    }
+
     #[test]
     fn a_full_disk_keeps_the_last_good_state() {
         let folder = tempfile::tempdir().expect("a folder");

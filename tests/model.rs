@@ -10,7 +10,7 @@ use shared::{golden, tensor};
 use tracklens::checkpoint::{self, Checkpoint, SaeConfig};
 use tracklens::data::{Filter, Frame};
 use tracklens::engine::{Encoder, Workspace};
-use tracklens::model::{Sae, fresh_weights, points_xy};
+use tracklens::model::{Sae, fresh_weights, load_first_layer, points_xy};
 use tracklens::train::Trainer;
 
 /// As in the engine's tests: float32 sums in another order, magnified by peaky attention; 1e-5 is measured.
@@ -352,4 +352,65 @@ fn the_maps_of_a_limited_sigma_end_at_the_limit() {
             "{value} at ({x}, {y})"
         );
     }
+}
+
+/// A `.safetensors` file of these tensors.
+fn file(tensors: &[(&str, &checkpoint::Tensor)]) -> Vec<u8> {
+    let bytes: Vec<Vec<u8>> = tensors
+        .iter()
+        .map(|(_, tensor)| tensor.data.iter().flat_map(|v| v.to_le_bytes()).collect())
+        .collect();
+    let views = tensors.iter().zip(&bytes).map(|((name, tensor), bytes)| {
+        let view = safetensors::tensor::TensorView::new(safetensors::Dtype::F32, tensor.shape.clone(), bytes);
+        (*name, view.expect("a tensor"))
+    });
+    safetensors::serialize(views, None).expect("a file")
+}
+
+#[test]
+fn a_dsae_takes_its_first_layer_from_a_densenet() {
+    let config = SaeConfig::named("dsae").expect("an architecture");
+    let (mut weights, untouched) = (fresh_weights(&config, 0), fresh_weights(&config, 0));
+    let filters = checkpoint::Tensor {
+        shape: vec![64, 3, 7, 7],
+        data: (0..64 * 3 * 49).map(|i| i as f32 * 1e-3).collect(),
+    };
+    let like_it = checkpoint::Tensor {
+        data: vec![0.5; filters.data.len()],
+        ..filters.clone()
+    };
+    let dense = checkpoint::Tensor {
+        shape: vec![2],
+        data: vec![0.0; 2],
+    };
+
+    let densenet = file(&[
+        ("classifier.bias", &dense),
+        ("features.conv0.weight", &filters),
+        ("features.other.weight", &like_it),
+    ]);
+    let name = load_first_layer(&mut weights, &densenet).expect("a first layer");
+    assert_eq!(name, "features.conv0.weight");
+    for (name, tensor) in &weights.tensors {
+        let expected = match name.as_str() {
+            "encoder.conv1.weight" => &filters,
+            other => &untouched.tensors[other],
+        };
+        assert_eq!(tensor, expected, "{name}");
+    }
+    let only = file(&[("conv1.weight", &like_it), ("fc.bias", &dense)]);
+    assert_eq!(
+        load_first_layer(&mut weights, &only).expect("the one"),
+        "conv1.weight"
+    );
+
+    let message = |tensors: &[(&str, &checkpoint::Tensor)]| {
+        let error = load_first_layer(&mut fresh_weights(&config, 0), &file(tensors));
+        error.expect_err("not to be used").to_string()
+    };
+    assert!(message(&[("fc.bias", &dense)]).contains("none of its 1 tensors has the shape [64, 3, 7, 7]"));
+    assert!(message(&[("a", &filters), ("b", &like_it)]).contains("2 of its tensors (a, …) have the shape"));
+    let mut broken = filters.clone();
+    broken.data[5] = f32::NAN;
+    assert!(message(&[("a", &broken)]).contains("`a` holds NaN"));
 }

@@ -11,7 +11,8 @@ use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::train::{
-    DEFAULT_CACHE, Dataset, EpochLog, Existing, Split, TrainConfig, TrainSummary, ValidationFrames, train,
+    DEFAULT_CACHE, Dataset, EpochLog, Existing, RunOptions, Split, TrainConfig, TrainSummary,
+    ValidationFrames, train,
 };
 
 fn recording() -> PathBuf {
@@ -68,7 +69,11 @@ fn attempt(
 ) -> Result<TrainSummary, Error> {
     let dataset = dataset(config, DEFAULT_CACHE);
     let weights = fresh_weights(&config.sae, config.seed);
-    train(config, &dataset, &weights, out, existing, report, cancel)
+    let options = RunOptions {
+        existing,
+        tensorboard: false,
+    };
+    train(config, &dataset, &weights, out, options, report, cancel)
 }
 
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
@@ -327,7 +332,10 @@ fn a_small_cache_changes_no_weight() {
             &dataset,
             &start,
             &out,
-            Existing::Refuse,
+            RunOptions {
+                existing: Existing::Refuse,
+                tensorboard: false,
+            },
             &mut report,
             &cancel,
         )

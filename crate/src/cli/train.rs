@@ -1,5 +1,6 @@
 //! `tracklens train`.
 
+use std::fs;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -12,8 +13,10 @@ use crate::checkpoint::SaeConfig;
 use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
-use crate::model::fresh_weights;
-use crate::train::{Dataset, Existing, Split, TargetFilter, TrainConfig, ValidationFrames, train};
+use crate::model::{fresh_weights, load_first_layer};
+use crate::train::{
+    Dataset, Existing, FirstLayer, RunOptions, Split, TargetFilter, TrainConfig, ValidationFrames, train,
+};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
@@ -67,6 +70,13 @@ pub(super) struct TrainArguments {
     /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or `bilinear-antialias`
     #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
     target_filter: TargetFilter,
+    /// Start from the first convolution of a trained network (.safetensors, .pth, .bpk), as the authors' DSAE starts from that
+    /// of torchvision's DenseNet-201; default: drawn as the other layers
+    #[arg(long, value_name = "WEIGHTS")]
+    first_layer: Option<PathBuf>,
+    /// Also write a TensorBoard event file into the run folder
+    #[arg(long)]
+    tensorboard: bool,
     /// Go on after the last whole epoch of the run in the folder; start one where there is none
     #[arg(long)]
     resume: bool,
@@ -178,12 +188,13 @@ impl TrainArguments {
             velocity_weight: self
                 .velocity_weight
                 .unwrap_or(self.arch.architecture.velocity_weight()),
+            first_layer: None,
         }
     }
 }
 
 pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
-    let config = arguments.config();
+    let mut config = arguments.config();
     config.validate()?;
     if let Some(threads) = arguments.threads {
         rayon::ThreadPoolBuilder::new()
@@ -213,13 +224,28 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     // The input size belongs to the weights from here on: extraction resizes to it.
     let mut sae = config.sae.clone();
     sae.input_size = Some(dataset.input_size);
-    let weights = fresh_weights(&sae, config.seed);
+    let mut weights = fresh_weights(&sae, config.seed);
+    if let Some(path) = &arguments.first_layer {
+        let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
+        let tensor = load_first_layer(&mut weights, &bytes).map_err(|e| e.at(path.display()))?;
+        eprintln!(
+            "note: the first layer starts from `{tensor}` of {}",
+            path.display()
+        );
+        config.first_layer = Some(FirstLayer {
+            tensor,
+            crc32: crc32fast::hash(&bytes),
+        });
+    }
     let summary = train(
         &config,
         &dataset,
         &weights,
         &arguments.out,
-        existing,
+        RunOptions {
+            existing,
+            tensorboard: arguments.tensorboard,
+        },
         &mut report,
         &cancel,
     )?;

@@ -3,14 +3,15 @@ use std::collections::BTreeMap;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
-use crate::checkpoint::{Checkpoint, SIGMA, SaeConfig, TEMPERATURE, Tensor};
+use crate::checkpoint::{Checkpoint, SIGMA, SaeConfig, TEMPERATURE, Tensor, read_tensors};
+use crate::error::{Error, Result};
 
 /// The weights of an untrained SAE, drawn on the host: the same seed gives the same weights on every device.
 ///
 /// The distributions are PyTorch's defaults: convolutions, dense layers and their biases uniform in ±1/√(fan-in), batch
 /// norm scale 1 and offset 0. σ and temperature start at the configured value, the background at 0 (paper, appendix,
-/// "Modifications"). The first convolution of a DSAE, which the paper takes from a DenseNet-201, is drawn as the
-/// others.
+/// "Modifications"). The first convolution of a DSAE is drawn as the others; [`load_first_layer`] takes it from a
+/// DenseNet-201, as the authors' code does.
 pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
     let mut rng = StdRng::seed_from_u64(seed);
     let mut tensors = BTreeMap::new();
@@ -42,4 +43,56 @@ pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
         tensors,
         metadata: BTreeMap::new(),
     }
+}
+
+/// Gives an untrained SAE the first convolution of a trained network, as the authors' DSAE has that of a DenseNet-201
+/// trained on ImageNet (their code; the paper does not say so); returns the name of the tensor that was taken.
+///
+/// `file` holds the weights of any network, in any format that checkpoints come in. Taken is the tensor with the name that
+/// the SAE's own first convolution has, else torchvision's name in a DenseNet (`features.conv0.weight`), else the only
+/// one of its shape: filters x 3 x side x side.
+///
+/// # Errors
+/// When the bytes are no file of weights, or it has no such tensor, several, or one that is not finite.
+pub fn load_first_layer(weights: &mut Checkpoint, file: &[u8]) -> Result<String> {
+    const DENSENET: &str = "features.conv0.weight";
+    let layers = weights.config.encoder_layers();
+    let own = layers
+        .first()
+        .map(|layer| format!("{}.weight", layer.name))
+        .ok_or_else(|| Error::input("the encoder has no convolution"))?;
+    let shape = weights.tensor(&own)?.shape.clone();
+    let mut found = read_tensors(file)?;
+    let fitting: Vec<String> = found
+        .iter()
+        .filter(|(_, tensor)| tensor.shape == shape)
+        .map(|(name, _)| name.clone())
+        .collect();
+    let named = [&own, DENSENET]
+        .into_iter()
+        .find(|name| fitting.iter().any(|f| f == name));
+    let name = match (named, fitting.as_slice()) {
+        (Some(name), _) => name.to_owned(),
+        (None, [only]) => only.clone(),
+        (None, several) => {
+            let count = match several.len() {
+                0 => format!("none of its {} tensors has", found.len()),
+                n => format!("{n} of its tensors ({}, …) have", several[0]),
+            };
+            return Err(Error::mismatch(format!(
+                "{count} the shape {shape:?} of the first convolution; expected one, best named `{DENSENET}` as in \
+                 torchvision's DenseNet-201"
+            )));
+        }
+    };
+    let tensor = found
+        .remove(&name)
+        .ok_or_else(|| Error::input("the tensor is gone"))?;
+    if let Some(value) = tensor.data.iter().find(|v| !v.is_finite()) {
+        return Err(Error::input(format!(
+            "tensor `{name}` holds {value}; the weights are damaged"
+        )));
+    }
+    weights.tensors.insert(own, tensor);
+    Ok(name)
 }

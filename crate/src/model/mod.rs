@@ -41,7 +41,7 @@ pub use batch_norm::BatchNorm;
 pub use conv::ConvBlock;
 pub use decoder::{BackgroundBias, Decoder, Dense, GaussianMaps};
 pub use encoder::Encoder;
-pub use init::fresh_weights;
+pub use init::{fresh_weights, load_first_layer};
 pub use softargmax::spatial_softargmax;
 
 use std::collections::BTreeMap;

@@ -35,6 +35,20 @@ pub struct TrainConfig {
     pub validation_frames: ValidationFrames,
     /// How targets are resized.
     pub target_filter: TargetFilter,
+    /// What the encoder's first convolution starts from; null: drawn as the others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_layer: Option<FirstLayer>,
+}
+
+/// The first convolution of another network, which training starts from. The weights themselves are given to
+/// [`train`](super::train); this is what tells two of them apart.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FirstLayer {
+    /// Name of the tensor in the file.
+    pub tensor: String,
+    /// CRC-32 of the file.
+    pub crc32: u32,
 }
 
 /// The frames of the validation sequences that the metric is computed on.
@@ -78,6 +92,7 @@ impl TrainConfig {
             drop_last: true,
             validation_frames: ValidationFrames::First,
             target_filter: TargetFilter::Bilinear,
+            first_layer: None,
         }
     }
 

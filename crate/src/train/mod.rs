@@ -7,15 +7,16 @@
 
 mod config;
 mod dataset;
+mod events;
 mod run;
 mod state;
 mod trainer;
 mod validation;
 
 pub use crate::data::Split;
-pub use config::{TargetFilter, TrainConfig, ValidationFrames};
+pub use config::{FirstLayer, TargetFilter, TrainConfig, ValidationFrames};
 pub use dataset::{DEFAULT_CACHE, Dataset, Sequence};
-pub use run::{EpochLog, Existing, TrainSummary, train};
+pub use run::{EpochLog, Existing, RunOptions, TrainSummary, train};
 pub use trainer::{Losses, Trainer};
 
 /// Frames in a snippet.

@@ -13,6 +13,7 @@ use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::events::Events;
 use super::state::{self, Progress};
 use super::validation::Validation;
 use super::{Dataset, Losses, SNIPPET, Sequence, TrainConfig, Trainer};
@@ -74,6 +75,15 @@ pub enum Existing {
     Resume,
 }
 
+/// How a run is kept, which changes nothing of what it computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RunOptions {
+    /// What to do with a folder that holds a run already.
+    pub existing: Existing,
+    /// Also writes a TensorBoard event file: every number of `log.jsonl` that is no time.
+    pub tensorboard: bool,
+}
+
 /// `config.json`: everything that a run depends on.
 #[derive(Serialize)]
 struct RunConfig<'a> {
@@ -96,7 +106,7 @@ const MAY_CHANGE: [&str; 6] = ["version", "git_hash", "burn", "target", "threads
 
 /// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch), `checkpoint_best.safetensors`
 /// and `checkpoint_final.safetensors` (every epoch anew), `state.safetensors` (what a resumed run starts from) and
-/// `summary.json`. Each file is whole at any moment; a run that ends anywhere goes on with [`Existing::Resume`] and comes
+/// `summary.json`, and an event file if asked for. Each file is whole at any moment; a run that ends anywhere goes on with [`Existing::Resume`] and comes
 /// to the same weights as one that was never interrupted, bit by bit, on the same machine with the same number of threads.
 ///
 /// `weights` are what an untrained SAE starts from, of the configuration in `config` with the data set's input size. When
@@ -110,7 +120,7 @@ pub fn train(
     dataset: &Dataset,
     weights: &Checkpoint,
     out: &Path,
-    existing: Existing,
+    options: RunOptions,
     report: &mut dyn FnMut(Event),
     cancel: &Cancel,
 ) -> Result<TrainSummary> {
@@ -148,7 +158,7 @@ pub fn train(
         training_sequences: training_names.iter().map(String::as_str).collect(),
         validation_sequences: validation_names.iter().map(String::as_str).collect(),
     };
-    let mut folder = RunFolder::open(out, existing, &run, config)?;
+    let mut folder = RunFolder::open(out, options, &run, config)?;
     let mut trainer = match folder.resumed.take() {
         Some((weights, optimizer)) => {
             let mut trainer = Trainer::new(&weights, config.learning_rate)?;
@@ -238,15 +248,16 @@ pub fn train(
 struct RunFolder<'a> {
     path: &'a Path,
     log: File,
+    events: Option<Events>,
     progress: Progress,
     /// Weights and optimizer of a run that goes on.
     resumed: Option<(Checkpoint, Vec<u8>)>,
 }
 
 impl<'a> RunFolder<'a> {
-    fn open(path: &'a Path, existing: Existing, run: &RunConfig, config: &TrainConfig) -> Result<Self> {
+    fn open(path: &'a Path, options: RunOptions, run: &RunConfig, config: &TrainConfig) -> Result<Self> {
         let has_state = path.join(state::FILE).exists();
-        if existing == Existing::Refuse && (has_state || path.join(FINAL).exists()) {
+        if options.existing == Existing::Refuse && (has_state || path.join(FINAL).exists()) {
             return Err(Error::input(format!(
                 "{} holds a run already; resume it (--resume), give another folder, or delete it",
                 path.display()
@@ -303,9 +314,14 @@ impl<'a> RunFolder<'a> {
         }
         log.set_len(progress.log_bytes).map_err(failed)?;
         log.seek(SeekFrom::End(0)).map_err(failed)?;
+        let events = match options.tensorboard {
+            true => Some(Events::create(path, &read_log(&log_path)?)?),
+            false => None,
+        };
         Ok(Self {
             path,
             log,
+            events,
             progress,
             resumed,
         })
@@ -325,6 +341,9 @@ impl<'a> RunFolder<'a> {
             .write_all(&line)
             .and_then(|()| self.log.sync_data())
             .map_err(|e| Error::io(self.path.join(LOG).display(), &e))?;
+        if let Some(events) = &mut self.events {
+            events.write(&entry)?;
+        }
         let progress = &mut self.progress;
         progress.log_bytes += line.len() as u64;
         let is_best = progress.best.is_none_or(|best| entry.validation.total < best);
@@ -353,6 +372,18 @@ impl<'a> RunFolder<'a> {
         progress.summary.evaluation = Some(evaluation);
         state::save(self.path, trainer, progress)
     }
+}
+
+/// The epochs in a `log.jsonl`.
+fn read_log(path: &Path) -> Result<Vec<EpochLog>> {
+    let text = fs::read_to_string(path).map_err(|e| Error::io(path.display(), &e))?;
+    let lines = text.lines().enumerate();
+    lines
+        .map(|(i, line)| {
+            serde_json::from_str(line)
+                .map_err(|e| Error::input(format!("{} line {}: {e}", path.display(), i + 1)))
+        })
+        .collect()
 }
 
 /// Checks that the run in the folder computes the same as `run`.
