@@ -11,8 +11,8 @@ use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::train::{
-    DEFAULT_CACHE, Dataset, EpochLog, Existing, RunOptions, Split, TrainConfig, TrainSummary,
-    ValidationFrames, train,
+    CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig, RunOptions, SUMMARY, Split,
+    TrainConfig, TrainSummary, ValidationFrames, read_log, train,
 };
 
 fn recording() -> PathBuf {
@@ -351,4 +351,27 @@ fn a_small_cache_changes_no_weight() {
         let notice = notice.expect("a notice");
         assert!(notice.contains(&format!("{left} of 15")), "{notice}");
     }
+}
+
+#[test]
+fn a_run_folder_is_read_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = config(2);
+    let summary = run(&config, folder.path());
+    let read = |name: &str| fs::read(folder.path().join(name)).expect("a file");
+    let written: RunConfig = serde_json::from_slice(&read(CONFIG)).expect("a configuration");
+    assert_eq!(written.train, config);
+    let (epochs, broken) = read_log(&read(LOG));
+    assert_eq!(
+        (epochs.len(), epochs.last(), broken.is_none()),
+        (2, summary.last.as_ref(), true)
+    );
+    let again: TrainSummary = serde_json::from_slice(&read(SUMMARY)).expect("a summary");
+    assert_eq!(again, summary);
+
+    // A log that a crash cut in the middle of its last line.
+    let log = read(LOG);
+    let (epochs, broken) = read_log(&log[..log.len() - 9]);
+    assert_eq!(epochs.len(), 1);
+    assert!(broken.expect("a broken line").to_string().starts_with("line 2: "));
 }

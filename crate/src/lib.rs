@@ -29,7 +29,7 @@ pub mod model;
 pub mod report;
 #[cfg(feature = "data")]
 pub mod scoring;
-#[cfg(feature = "train")]
+#[cfg(feature = "report")]
 pub mod train;
 
 #[cfg(feature = "cli")]

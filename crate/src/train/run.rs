@@ -10,61 +10,24 @@ use rand::rngs::StdRng;
 use rand::seq::SliceRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 
 use super::events::Events;
 use super::state::{self, Progress};
 use super::validation::Validation;
-use super::{Dataset, Losses, SNIPPET, Sequence, TrainConfig, Trainer};
+use super::{
+    CONFIG, Dataset, EpochLog, LOG, Losses, RunConfig, SNIPPET, SUMMARY, Sequence, TrainConfig, TrainSummary,
+    Trainer, read_log,
+};
 use crate::atomic;
 use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
 use crate::report::EvaluationReport;
 
-const CONFIG: &str = "config.json";
-const LOG: &str = "log.jsonl";
-const SUMMARY: &str = "summary.json";
 const BEST: &str = "checkpoint_best.safetensors";
 const FINAL: &str = "checkpoint_final.safetensors";
-
-/// One line of `log.jsonl`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EpochLog {
-    /// Counted from 1.
-    pub epoch: u32,
-    /// Wall time of the epoch, training and validation.
-    pub seconds: f64,
-    /// Means over the steps.
-    pub training: Losses,
-    /// On the validation sequences.
-    pub validation: Losses,
-    /// Tracking capability on the validation sequences (affine map, fitted and scored on the same frames).
-    pub tc: f64,
-    /// Tracking error there of the best keypoint, by the map (`identity`, `scale-translate`, `affine`) and the object; null
-    /// when the object is visible nowhere.
-    pub errors: BTreeMap<String, BTreeMap<String, Option<f64>>>,
-}
-
-/// What a training came to; `summary.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TrainSummary {
-    /// The version that trained.
-    pub version: String,
-    /// Whether it was cancelled before its last epoch.
-    pub interrupted: bool,
-    /// Whole epochs done.
-    pub epochs: u32,
-    /// The epoch with the lowest validation loss: `checkpoint_best.safetensors`.
-    pub best_epoch: u32,
-    /// Wall time, over all parts of a resumed run.
-    pub seconds: f64,
-    /// The last epoch: `checkpoint_final.safetensors`.
-    pub last: Option<EpochLog>,
-    /// The metric of the last epoch in full.
-    pub evaluation: Option<EvaluationReport>,
-}
 
 /// What to do with a folder that holds a run already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,23 +45,6 @@ pub struct RunOptions {
     pub existing: Existing,
     /// Also writes a TensorBoard event file: every number of `log.jsonl` that is no time.
     pub tensorboard: bool,
-}
-
-/// `config.json`: everything that a run depends on.
-#[derive(Serialize)]
-struct RunConfig<'a> {
-    version: &'static str,
-    /// The commit that was built; null when it was not built from a repository.
-    git_hash: Option<&'static str>,
-    burn: &'static str,
-    target: String,
-    threads: usize,
-    #[serde(flatten)]
-    train: &'a TrainConfig,
-    input_size: [usize; 2],
-    objects: &'a [String],
-    training_sequences: Vec<&'a str>,
-    validation_sequences: Vec<&'a str>,
 }
 
 /// What a resumed run may change without computing something else than an uninterrupted one.
@@ -145,18 +91,17 @@ pub fn train(
         )));
     }
     let names = |part: &[&'_ Sequence]| part.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
-    let (training_names, validation_names) = (names(&training), names(&validation));
     let run = RunConfig {
-        version: env!("CARGO_PKG_VERSION"),
-        git_hash: option_env!("TRACKLENS_GIT_HASH"),
-        burn: "0.22.1",
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        git_hash: option_env!("TRACKLENS_GIT_HASH").map(str::to_owned),
+        burn: "0.22.1".to_owned(),
         target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
         threads: rayon::current_num_threads(),
-        train: config,
+        train: config.clone(),
         input_size: dataset.input_size,
-        objects: &dataset.objects,
-        training_sequences: training_names.iter().map(String::as_str).collect(),
-        validation_sequences: validation_names.iter().map(String::as_str).collect(),
+        objects: dataset.objects.clone(),
+        training_sequences: names(&training),
+        validation_sequences: names(&validation),
     };
     let mut folder = RunFolder::open(out, options, &run, config)?;
     let mut trainer = match folder.resumed.take() {
@@ -315,7 +260,13 @@ impl<'a> RunFolder<'a> {
         log.set_len(progress.log_bytes).map_err(failed)?;
         log.seek(SeekFrom::End(0)).map_err(failed)?;
         let events = match options.tensorboard {
-            true => Some(Events::create(path, &read_log(&log_path)?)?),
+            true => {
+                let (past, broken) = read_log(&fs::read(&log_path).map_err(failed)?);
+                if let Some(error) = broken {
+                    return Err(error.at(log_path.display()));
+                }
+                Some(Events::create(path, &past)?)
+            }
             false => None,
         };
         Ok(Self {
@@ -372,18 +323,6 @@ impl<'a> RunFolder<'a> {
         progress.summary.evaluation = Some(evaluation);
         state::save(self.path, trainer, progress)
     }
-}
-
-/// The epochs in a `log.jsonl`.
-fn read_log(path: &Path) -> Result<Vec<EpochLog>> {
-    let text = fs::read_to_string(path).map_err(|e| Error::io(path.display(), &e))?;
-    let lines = text.lines().enumerate();
-    lines
-        .map(|(i, line)| {
-            serde_json::from_str(line)
-                .map_err(|e| Error::input(format!("{} line {}: {e}", path.display(), i + 1)))
-        })
-        .collect()
 }
 
 /// Checks that the run in the folder computes the same as `run`.

@@ -6,7 +6,7 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::{Device, Module, Tensor, TensorData};
 use burn::tensor::Bytes;
 
-use super::SNIPPET;
+use super::{Losses, SNIPPET};
 use crate::checkpoint::{self, Checkpoint, SaeConfig};
 use crate::error::{Error, Result};
 use crate::model::{Sae, SaeOutput, host_values};
@@ -22,28 +22,6 @@ pub struct Trainer {
     learning_rate: f64,
     velocity_weight: f64,
     device: Device,
-}
-
-/// The parts of the loss.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
-pub struct Losses {
-    /// What is minimised: reconstruction + weight * velocity.
-    pub total: f64,
-    /// The mean squared error of the reconstructions.
-    pub reconstruction: f64,
-    /// The mean squared change of the keypoints' velocity, before it is weighted.
-    pub velocity: f64,
-}
-
-impl Losses {
-    /// The total of `reconstruction` and `velocity` with its weight, and the two.
-    pub(super) fn new(reconstruction: f64, velocity: f64, velocity_weight: f64) -> Self {
-        Self {
-            total: reconstruction + velocity_weight * velocity,
-            reconstruction,
-            velocity,
-        }
-    }
 }
 
 impl Trainer {
