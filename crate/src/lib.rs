@@ -29,6 +29,8 @@ pub mod model;
 pub mod report;
 #[cfg(feature = "data")]
 pub mod scoring;
+#[cfg(all(feature = "cli", feature = "train"))]
+pub mod sweep;
 #[cfg(feature = "report")]
 pub mod train;
 

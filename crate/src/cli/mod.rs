@@ -6,6 +6,8 @@ mod extract;
 mod files;
 mod score;
 #[cfg(feature = "train")]
+mod sweep;
+#[cfg(feature = "train")]
 mod train;
 
 use std::process::ExitCode;
@@ -46,6 +48,10 @@ enum Command {
     /// Train a spatial autoencoder on image sequences.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArguments>),
+    /// Train many runs: plan, run here or on a cluster, see how far they are.
+    #[cfg(feature = "train")]
+    #[command(subcommand)]
+    Sweep(sweep::SweepCommand),
 }
 
 /// Runs the command line and returns the exit code of the process.
@@ -61,6 +67,8 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => checkpoint::export(&arguments),
         #[cfg(feature = "train")]
         Command::Train(arguments) => train::run(&arguments),
+        #[cfg(feature = "train")]
+        Command::Sweep(command) => sweep::run(&command),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

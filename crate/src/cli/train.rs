@@ -173,7 +173,11 @@ fn parse_bytes(text: &str) -> Result<u64> {
 }
 
 impl TrainArguments {
-    fn config(&self) -> TrainConfig {
+    pub(super) fn epochs(&self) -> u32 {
+        self.epochs
+    }
+
+    pub(super) fn config(&self) -> TrainConfig {
         TrainConfig {
             sae: self.sizes.apply(&self.arch),
             epochs: self.epochs,

@@ -1,0 +1,12 @@
+//! Many runs: what a sweep file asks for, the folders of its runs and what state they are in, and their way to a cluster.
+//!
+//! A sweep lives in one folder: `plan.jsonl` with a line a run, and a folder a run, `ARCHITECTURE/seed-S`. A run
+//! is trained in `….partial`, which takes its final name when the run is complete: whatever has the final name is whole.
+
+mod folder;
+mod plan;
+mod slurm;
+
+pub use folder::{Claim, RunPlace, State};
+pub use plan::{Plan, PlannedRun, Setting, SettingKind, SweepFile};
+pub use slurm::{Submission, array, script};

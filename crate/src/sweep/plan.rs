@@ -1,0 +1,476 @@
+//! Sweep files, and the plans that are made of them.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::checkpoint::SaeConfig;
+use crate::error::{Error, Result};
+
+const TOP: [&str; 7] = [
+    "data",
+    "out",
+    "architectures",
+    "seeds",
+    "train",
+    "architecture",
+    "variants",
+];
+
+/// An option of a training that a sweep file may give.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Setting {
+    /// Its name on the command line, without the dashes.
+    pub name: String,
+    /// What its value is.
+    pub kind: SettingKind,
+}
+
+/// What the value of a [`Setting`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SettingKind {
+    /// There or not.
+    Switch,
+    /// A number, a text or a list of them.
+    Value,
+    /// A file, relative to the sweep file.
+    Path,
+}
+
+/// What a sweep file asks for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SweepFile {
+    /// The data set, absolute or as seen from the working directory.
+    pub data: PathBuf,
+    /// The folder of the sweep.
+    pub out: PathBuf,
+    architectures: Vec<String>,
+    seeds: Vec<u64>,
+    /// Arguments for every run.
+    train: Vec<String>,
+    /// Arguments for the runs of one architecture.
+    architecture: Vec<(String, Vec<String>)>,
+    /// Name and arguments; one without a name where the file has none.
+    variants: Vec<(Option<String>, Vec<String>)>,
+}
+
+/// One run of a plan: a line of `plan.jsonl`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedRun {
+    /// Its name, and its folder in the folder of the sweep: `basic/seed-03`.
+    pub run: String,
+    /// The arguments of `tracklens train`, but for `--out`.
+    pub arguments: Vec<String>,
+}
+
+/// The runs of a sweep, in the order of `plan.jsonl`, counted from 1.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Plan {
+    /// One a line.
+    pub runs: Vec<PlannedRun>,
+}
+
+impl SweepFile {
+    /// Reads a sweep file (TOML), whose paths are relative to `folder`.
+    ///
+    /// # Errors
+    /// When the text is no TOML, a key or an architecture is unknown, a value is not what the key takes, or one that is
+    /// needed is missing; with the line, and the nearest name that is known.
+    pub fn parse(text: &str, folder: &Path, settings: &[Setting]) -> Result<Self> {
+        Reader {
+            text,
+            folder,
+            settings,
+        }
+        .file()
+    }
+
+    /// Every architecture with every variant and every seed: seeds change fastest.
+    pub fn plan(&self) -> Plan {
+        let digits = self
+            .seeds
+            .iter()
+            .max()
+            .map_or(1, |seed| seed.to_string().len())
+            .max(2);
+        let mut runs = Vec::new();
+        for architecture in &self.architectures {
+            let own = self.architecture.iter().filter(|(name, _)| name == architecture);
+            let own: Vec<String> = own.flat_map(|(_, arguments)| arguments.clone()).collect();
+            for (variant, more) in &self.variants {
+                for seed in &self.seeds {
+                    let group = match variant {
+                        Some(variant) => format!("{architecture}-{variant}"),
+                        None => architecture.clone(),
+                    };
+                    let mut arguments = vec![
+                        "--data".to_owned(),
+                        self.data.to_string_lossy().into_owned(),
+                        "--arch".to_owned(),
+                        architecture.clone(),
+                        "--seed".to_owned(),
+                        seed.to_string(),
+                    ];
+                    // What is more special comes later, and the later of two counts.
+                    for argument in self.train.iter().chain(&own).chain(more) {
+                        arguments.push(argument.clone());
+                    }
+                    runs.push(PlannedRun {
+                        run: format!("{group}/seed-{seed:0digits$}"),
+                        arguments: deduplicated(arguments),
+                    });
+                }
+            }
+        }
+        Plan { runs }
+    }
+}
+
+/// Of an option that is given several times, the last one. Every argument is `--name`, or a value after it.
+fn deduplicated(arguments: Vec<String>) -> Vec<String> {
+    let mut options: Vec<Vec<String>> = Vec::new();
+    for argument in arguments {
+        match options.last_mut() {
+            Some(option) if option.len() == 1 && !argument.starts_with("--") => option.push(argument),
+            _ => options.push(vec![argument]),
+        }
+    }
+    let name = |option: &[String]| option[0].split('=').next().unwrap_or_default().to_owned();
+    let mut kept: Vec<Vec<String>> = Vec::new();
+    for option in options {
+        kept.retain(|k| name(k) != name(&option));
+        kept.push(option);
+    }
+    kept.concat()
+}
+
+impl Plan {
+    /// The text of `plan.jsonl`.
+    ///
+    /// # Errors
+    /// When a run cannot be written as JSON.
+    pub fn to_jsonl(&self) -> Result<String> {
+        let mut text = String::new();
+        for run in &self.runs {
+            text += &serde_json::to_string(run).map_err(|e| Error::input(format!("{}: {e}", run.run)))?;
+            text.push('\n');
+        }
+        Ok(text)
+    }
+
+    /// Reads a `plan.jsonl`.
+    ///
+    /// # Errors
+    /// Names the line that is no run, or whose name leads out of the sweep's folder or is there twice.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut runs: Vec<PlannedRun> = Vec::new();
+        for (i, line) in text.lines().enumerate() {
+            let run: PlannedRun = serde_json::from_str(line)
+                .map_err(|e| Error::input(e.to_string()).at(format!("line {}", i + 1)))?;
+            let is_plain = |part: &str| !matches!(part, "" | "." | "..") && !part.contains('\\');
+            if !run.run.split('/').all(is_plain) || runs.iter().any(|r| r.run == run.run) {
+                return Err(Error::input(format!(
+                    "line {}: `{}` is no name of a run, or not the first of this name; write the plan anew with \
+                     `tracklens sweep plan`",
+                    i + 1,
+                    run.run
+                )));
+            }
+            runs.push(run);
+        }
+        if runs.is_empty() {
+            return Err(Error::input("holds no run; write it with `tracklens sweep plan`"));
+        }
+        Ok(Self { runs })
+    }
+
+    /// The run of a line, counted from 1.
+    ///
+    /// # Errors
+    /// When there is no such line.
+    pub fn line(&self, line: usize) -> Result<&PlannedRun> {
+        line.checked_sub(1).and_then(|i| self.runs.get(i)).ok_or_else(|| {
+            Error::input(format!(
+                "there is no line {line}; expected 1 to {}",
+                self.runs.len()
+            ))
+        })
+    }
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    folder: &'a Path,
+    settings: &'a [Setting],
+}
+
+type Value<'i> = Spanned<DeValue<'i>>;
+
+impl Reader<'_> {
+    fn file(&self) -> Result<SweepFile> {
+        let table = DeTable::parse(self.text).map_err(|e| {
+            let message = e.message().to_owned();
+            match e.span() {
+                Some(span) => self.wrong(&span, message),
+                None => Error::input(message),
+            }
+        })?;
+        let table = table.get_ref();
+        for key in table.keys() {
+            if !TOP.contains(&key.get_ref().as_ref()) {
+                return Err(self.unknown("key", key, TOP.iter().copied()));
+            }
+        }
+        let need = |name: &str| {
+            let found = table.iter().find(|(key, _)| key.get_ref() == name);
+            found.map(|(_, value)| value)
+        };
+        let missing =
+            |name: &str, example: &str| Error::input(format!("`{name}` is missing; expected e.g. {example}"));
+        let data = need("data").ok_or_else(|| missing("data", "data = \"recording\""))?;
+        let architectures =
+            need("architectures").ok_or_else(|| missing("architectures", "architectures = [\"basic\"]"))?;
+        let seeds = need("seeds").ok_or_else(|| missing("seeds", "seeds = \"0-23\""))?;
+        let architectures = self.architectures(architectures)?;
+        let mut architecture = Vec::new();
+        if let Some(value) = need("architecture") {
+            for (key, value) in self.table(value)? {
+                let name = key.get_ref().as_ref();
+                if !architectures.iter().any(|a| a == name) {
+                    return Err(self.unknown("architecture", key, architectures.iter().map(String::as_str)));
+                }
+                architecture.push((name.to_owned(), self.arguments(value, &[])?));
+            }
+        }
+        let variants = match need("variants") {
+            Some(value) => self.variants(value)?,
+            None => vec![(None, Vec::new())],
+        };
+        Ok(SweepFile {
+            data: self.folder.join(self.string(data)?),
+            out: self.folder.join(match need("out") {
+                Some(value) => self.string(value)?,
+                None => "runs",
+            }),
+            architectures,
+            seeds: self.seeds(seeds)?,
+            train: match need("train") {
+                Some(value) => self.arguments(value, &[])?,
+                None => Vec::new(),
+            },
+            architecture,
+            variants,
+        })
+    }
+
+    fn architectures(&self, value: &Value) -> Result<Vec<String>> {
+        let mut names: Vec<String> = Vec::new();
+        for value in self.array(value)? {
+            let name = self.string(value)?;
+            SaeConfig::named(name).map_err(|e| {
+                let nearest = nearest(name, architecture_names().iter().map(String::as_str));
+                self.wrong(&value.span(), format!("{e}{nearest}"))
+            })?;
+            if names.iter().any(|n| n == name) {
+                return Err(self.wrong(&value.span(), format!("`{name}` is there twice")));
+            }
+            names.push(name.to_owned());
+        }
+        if names.is_empty() {
+            return Err(self.wrong(&value.span(), "no architecture is given"));
+        }
+        Ok(names)
+    }
+
+    /// `"0-23"`, one number, or a list of numbers.
+    fn seeds(&self, value: &Value) -> Result<Vec<u64>> {
+        let wrong = || {
+            self.wrong(
+                &value.span(),
+                "expected seeds such as \"0-23\" or [0, 1, 2], none of them twice",
+            )
+        };
+        let number = |value: &Value| integer(value).ok_or_else(wrong);
+        let mut seeds = match value.get_ref() {
+            DeValue::Array(values) => values.iter().map(number).collect::<Result<Vec<u64>>>()?,
+            DeValue::String(range) => {
+                let (first, last) = range.split_once('-').ok_or_else(wrong)?;
+                let parse = |digits: &str| digits.trim().parse::<u64>().map_err(|_| wrong());
+                let (first, last) = (parse(first)?, parse(last)?);
+                if last.saturating_sub(first) >= 1_000_000 {
+                    return Err(wrong());
+                }
+                (first..=last).collect()
+            }
+            _ => vec![number(value)?],
+        };
+        let count = seeds.len();
+        seeds.sort_unstable();
+        seeds.dedup();
+        if seeds.is_empty() || seeds.len() < count {
+            return Err(wrong());
+        }
+        Ok(seeds)
+    }
+
+    fn variants(&self, value: &Value) -> Result<Vec<(Option<String>, Vec<String>)>> {
+        let mut variants: Vec<(Option<String>, Vec<String>)> = Vec::new();
+        for value in self.array(value)? {
+            let table = self.table(value)?;
+            let name = table.iter().find(|(key, _)| key.get_ref() == "name");
+            let Some((_, name)) = name else {
+                return Err(self.wrong(
+                    &value.span(),
+                    "a variant needs a `name`, which its runs are called by",
+                ));
+            };
+            let text = self.string(name)?;
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+            let is_new = !variants.iter().any(|(n, _)| n.as_deref() == Some(text));
+            if text.is_empty() || text.starts_with('.') || !text.chars().all(is_plain) || !is_new {
+                return Err(self.wrong(
+                    &name.span(),
+                    format!("`{text}` cannot name a variant; expected letters, digits, `-`, `_`, `.`, and every name once"),
+                ));
+            }
+            variants.push((Some(text.to_owned()), self.arguments(value, &["name"])?));
+        }
+        if variants.is_empty() {
+            return Err(self.wrong(&value.span(), "no variant is given"));
+        }
+        Ok(variants)
+    }
+
+    /// The options in a table, as arguments; those in `besides` mean something else.
+    fn arguments(&self, value: &Value, besides: &[&str]) -> Result<Vec<String>> {
+        let mut arguments = Vec::new();
+        for (key, value) in self.table(value)? {
+            let name = key.get_ref().as_ref();
+            if besides.contains(&name) {
+                continue;
+            }
+            let Some(setting) = self.settings.iter().find(|setting| setting.name == name) else {
+                let known = self.settings.iter().map(|setting| setting.name.as_str());
+                return Err(self.unknown("option", key, known));
+            };
+            let flag = format!("--{name}");
+            match setting.kind {
+                SettingKind::Switch => match value.get_ref().as_bool() {
+                    Some(true) => arguments.push(flag),
+                    Some(false) => {}
+                    None => return Err(self.wrong(&value.span(), format!("`{name}` is true or false"))),
+                },
+                SettingKind::Path => {
+                    let path = self.folder.join(self.string(value)?);
+                    arguments.extend([flag, path.to_string_lossy().into_owned()]);
+                }
+                // `=` keeps a negative number from being taken for an option.
+                SettingKind::Value => arguments.push(format!("{flag}={}", self.value(name, value)?)),
+            }
+        }
+        Ok(arguments)
+    }
+
+    fn value(&self, name: &str, value: &Value) -> Result<String> {
+        Ok(match value.get_ref() {
+            DeValue::String(text) => text.to_string(),
+            DeValue::Integer(number) => number.as_str().to_owned(),
+            DeValue::Float(number) => number.as_str().to_owned(),
+            DeValue::Boolean(switch) => switch.to_string(),
+            DeValue::Array(values) => {
+                let parts = values.iter().map(|value| self.value(name, value));
+                parts.collect::<Result<Vec<String>>>()?.join(",")
+            }
+            DeValue::Datetime(_) | DeValue::Table(_) => {
+                return Err(self.wrong(
+                    &value.span(),
+                    format!(
+                        "`{name}` is {}; expected a number, a text or a list",
+                        value.get_ref().type_str()
+                    ),
+                ));
+            }
+        })
+    }
+
+    fn string<'v>(&self, value: &'v Value) -> Result<&'v str> {
+        let found = value.get_ref();
+        found.as_str().ok_or_else(|| {
+            self.wrong(
+                &value.span(),
+                format!("found {}; expected a text in quotes", found.type_str()),
+            )
+        })
+    }
+
+    fn array<'v, 'i>(&self, value: &'v Value<'i>) -> Result<Vec<&'v Value<'i>>> {
+        let found = value.get_ref();
+        let array = found.as_array();
+        array.map(|values| values.iter().collect()).ok_or_else(|| {
+            self.wrong(
+                &value.span(),
+                format!("found {}; expected a list", found.type_str()),
+            )
+        })
+    }
+
+    fn table<'v, 'i>(&self, value: &'v Value<'i>) -> Result<&'v DeTable<'i>> {
+        let found = value.get_ref();
+        found.as_table().ok_or_else(|| {
+            self.wrong(
+                &value.span(),
+                format!("found {}; expected a table", found.type_str()),
+            )
+        })
+    }
+
+    fn unknown<'k>(
+        &self,
+        what: &str,
+        key: &Spanned<std::borrow::Cow<'_, str>>,
+        known: impl Iterator<Item = &'k str> + Clone,
+    ) -> Error {
+        let name = key.get_ref();
+        let nearest = nearest(name, known.clone());
+        let known: Vec<&str> = known.collect();
+        let message = format!("unknown {what} `{name}`{nearest} (known: {})", known.join(", "));
+        self.wrong(&key.span(), message)
+    }
+
+    fn wrong(&self, span: &Range<usize>, message: impl Into<String>) -> Error {
+        let before = self.text.get(..span.start).unwrap_or(self.text);
+        Error::input(message).at(format!("line {}", before.matches('\n').count() + 1))
+    }
+}
+
+fn integer(value: &Value) -> Option<u64> {
+    let number = value.get_ref().as_integer()?;
+    u64::from_str_radix(&number.as_str().replace('_', ""), number.radix()).ok()
+}
+
+/// Every name that an architecture can have.
+fn architecture_names() -> Vec<String> {
+    let mut names = vec!["dsae".to_owned()];
+    for family in ["basic", "basic-kp32", "keynet"] {
+        for modification in 0..8 {
+            let parts = ["-vel", "-std", "-bg"].iter().enumerate();
+            let chosen = parts.filter(|(bit, _)| modification >> bit & 1 == 1);
+            names.push(chosen.fold(family.to_owned(), |name, (_, part)| name + part));
+        }
+    }
+    names
+}
+
+/// `; did you mean …?`, when there is a name that is near.
+fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let near = known
+        .map(|candidate| (strsim::jaro_winkler(name, candidate), candidate))
+        .filter(|(likeness, _)| *likeness > 0.75)
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    near.map(|(_, candidate)| format!("; did you mean `{candidate}`?"))
+        .unwrap_or_default()
+}
