@@ -57,7 +57,7 @@ enum Task {
         open: bool,
     },
     /// Run every test: unit, doc, golden, command line, npm package, the recorder of PandaPush,
-    /// the page in headless Chromium.
+    /// sweeps on Slurm and GNU parallel, the page in headless Chromium.
     Test {
         /// Leave out the tests of the page, which need Chromium and chromedriver.
         #[arg(long)]
@@ -65,6 +65,9 @@ enum Task {
         /// Leave out the recorder of PandaPush, which needs Python and installs PyBullet.
         #[arg(long)]
         skip_recorder: bool,
+        /// Leave out the sweeps on Slurm and GNU parallel, which need Linux and root.
+        #[arg(long)]
+        skip_cluster: bool,
     },
     /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
@@ -105,7 +108,15 @@ fn perform(task: Task) -> Result<()> {
         Task::Test {
             skip_page,
             skip_recorder,
-        } => test::run(&workspace, skip_page, skip_recorder),
+            skip_cluster,
+        } => test::run(
+            &workspace,
+            &test::Skipped {
+                page: skip_page,
+                recorder: skip_recorder,
+                cluster: skip_cluster,
+            },
+        ),
         Task::Check => check::run(&workspace),
         Task::Bench { subject } => bench::run(&workspace, subject),
         Task::Clean { all } => clean::run(&workspace, all),

@@ -10,11 +10,19 @@ use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
 
 const PAGE_TESTS: &str = "the page in a browser";
+const CLUSTER: &str = "sweeps on Slurm and GNU parallel";
 const RECORDER: &str = "recorder of PandaPush";
 
-pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Result<()> {
+/// What to leave out.
+pub struct Skipped {
+    pub page: bool,
+    pub recorder: bool,
+    pub cluster: bool,
+}
+
+pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
     let mut steps = Steps::new();
-    let browsers = if skip_page {
+    let browsers = if skipped.page {
         None
     } else {
         steps.run("set-up: Chromium and chromedriver", setup::browsers)
@@ -31,7 +39,17 @@ pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Resul
     });
     steps.run("exported encoders in onnxruntime", || onnx_tests(workspace));
 
-    if skip_recorder {
+    if skipped.cluster {
+        steps.skipped(CLUSTER);
+    } else if steps
+        .run("set-up: Slurm and GNU parallel", setup::cluster)
+        .is_some()
+    {
+        steps.run(CLUSTER, || cluster_tests(workspace));
+    } else {
+        steps.blocked(CLUSTER);
+    }
+    if skipped.recorder {
         steps.skipped(RECORDER);
     } else if let Some(python) = steps.run("set-up: PyBullet", || recorder_python(workspace)) {
         steps.run(RECORDER, || recorder_tests(workspace, &python));
@@ -45,7 +63,7 @@ pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Resul
     } else {
         steps.blocked(npm);
     }
-    if skip_page {
+    if skipped.page {
         steps.skipped(PAGE_TESTS);
     } else if browsers.and(site).is_some() {
         steps.run(PAGE_TESTS, || page_tests(workspace));
@@ -60,6 +78,14 @@ fn cargo_test(workspace: &Workspace, arguments: &[&str]) -> Result<()> {
     cargo
         .args(["test", "--release", "--no-fail-fast"])
         .args(arguments);
+    run::run(cargo.current_dir(workspace.root()))
+}
+
+fn cluster_tests(workspace: &Workspace) -> Result<()> {
+    let mut cargo = run::cargo();
+    cargo
+        .args(["test", "--release", "--package=tracklens", "--test=sweep"])
+        .env("TRACKLENS_CLUSTER", "1");
     run::run(cargo.current_dir(workspace.root()))
 }
 
