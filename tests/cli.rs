@@ -135,6 +135,13 @@ fn thresholds_transforms_and_ranks_are_taken() {
         "{}",
         stderr(&unknown)
     );
+    let twice = tables.score(&["--threshold", "cube=1", "--threshold", "cube=2"]);
+    assert_eq!(twice.status.code(), Some(3));
+    assert!(
+        stderr(&twice).contains("two thresholds are given for `cube`"),
+        "{}",
+        stderr(&twice)
+    );
     for (more, expected) in [
         (["--threshold", "cube"], "expected NAME=VALUE"),
         (["--threshold", "cube=-1"], "expected NAME=VALUE"),

@@ -74,10 +74,15 @@ impl Scoring {
     /// ([`default_threshold`](crate::metric::default_threshold)).
     ///
     /// # Errors
-    /// When a threshold is for an object that is not there or is not positive; as [`Moments::evaluate`].
+    /// When a threshold is for an object that is not there, is given twice or is not positive; as [`Moments::evaluate`].
     pub fn evaluate(&self, thresholds: &[(String, f64)], settings: &Settings) -> Result<Evaluation> {
         let mut objects: Vec<Object> = self.names.iter().map(Object::with_default_threshold).collect();
-        for (name, threshold) in thresholds {
+        for (i, (name, threshold)) in thresholds.iter().enumerate() {
+            if thresholds[..i].iter().any(|(other, _)| other == name) {
+                return Err(Error::input(format!(
+                    "two thresholds are given for `{name}`; expected one"
+                )));
+            }
             let Some(object) = objects.iter_mut().find(|o| o.name == *name) else {
                 return Err(Error::mismatch(format!(
                     "a threshold is given for `{name}`; the ground truth has the objects {}",

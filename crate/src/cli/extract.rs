@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use ndarray::Array3;
 use rayon::prelude::*;
 
@@ -217,8 +217,13 @@ pub(super) fn progress_bar(quiet: bool) -> ProgressBar {
 pub(super) fn show(bar: &ProgressBar, event: &Event) {
     match event {
         Event::Started { what, total } => {
-            let template = "{msg} {wide_bar} {pos}/{len} ({per_sec}, {eta} left)";
-            bar.set_style(ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar()));
+            let template = "{msg} {wide_bar} {pos}/{len} ({speed}, {eta} left)";
+            let style = ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
+            let speed = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+                // Nothing can be done when the terminal's line takes no text.
+                let _ = write!(out, "{:.1}/s", state.per_sec());
+            };
+            bar.set_style(style.with_key("speed", speed));
             bar.set_length(*total);
             bar.set_message(what.clone());
             bar.enable_steady_tick(Duration::from_millis(200));
