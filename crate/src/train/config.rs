@@ -41,7 +41,7 @@ pub struct TrainConfig {
 }
 
 /// The first convolution of another network, which training starts from. The weights themselves are given to
-/// [`train`](super::train); this is what tells two of them apart.
+/// `train`; this is what tells two of them apart.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FirstLayer {
