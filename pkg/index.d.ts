@@ -35,10 +35,23 @@ export interface SequenceRange {
   length: number;
 }
 
+/** What a person knows about a table and the file does not say. */
+export interface TableOptions {
+  /** The unit of the positions; default: `px` for DeepLabCut and COCO, otherwise `ndc`. */
+  space?: "ndc" | "px";
+  /** Default: `xy`. */
+  axisOrder?: "xy" | "yx";
+  /** The number of the first frame (and keypoint, with one row a point); default: 0. */
+  indexBase?: number;
+  /** `[width, height]`; needed for positions in pixels, but for COCO files, which have it. */
+  imageSize?: [number, number];
+}
+
 /** Ground truth: table `sequence,frame,object,x,y` (tidy CSV, ndc; empty x and y = not visible). */
 export class GroundTruthTable {
   private constructor();
-  static parse(bytes: Uint8Array, name: string): GroundTruthTable;
+  /** Throws when the layout is unknown, a field is wrong, or positions are in pixels and no image size is known. */
+  static parse(bytes: Uint8Array, name: string, options?: TableOptions): GroundTruthTable;
   readonly name: string;
   readonly objects: string[];
   readonly frames: number;
@@ -51,7 +64,7 @@ export class GroundTruthTable {
 /** Keypoints over frames: table `sequence,frame,keypoint,x,y`, or what an {@link Encoder} extracted. */
 export class KeypointTable {
   private constructor();
-  static parse(bytes: Uint8Array, name: string): KeypointTable;
+  static parse(bytes: Uint8Array, name: string, options?: TableOptions): KeypointTable;
   /**
    * The keypoints of all `frames`, extracted in their order: `points` holds frames x keypoints x 2 numbers.
    */

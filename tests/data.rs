@@ -8,8 +8,8 @@ use safetensors::SafeTensors;
 use shared::{golden, tensor};
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{
-    Filter, Frame, FrameIndex, Role, classify, join, keypoints_csv, parse_ground_truth, parse_keypoints,
-    resize_planar,
+    Filter, Frame, FrameIndex, Role, TableOptions, classify, join, keypoints_csv, parse_ground_truth,
+    parse_keypoints, resize_planar,
 };
 use tracklens::track::FrameKey;
 
@@ -21,13 +21,13 @@ fn key(sequence: &str, frame: u64) -> FrameKey {
 }
 
 fn truth_error(text: &str) -> String {
-    parse_ground_truth(text.as_bytes(), "gt.csv")
+    parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default())
         .expect_err("bad input")
         .to_string()
 }
 
 fn keypoint_error(text: &str) -> String {
-    parse_keypoints(text.as_bytes(), "kp.csv")
+    parse_keypoints(text.as_bytes(), "kp.csv", &TableOptions::default())
         .expect_err("bad input")
         .to_string()
 }
@@ -35,7 +35,7 @@ fn keypoint_error(text: &str) -> String {
 #[test]
 fn a_table_is_read_in_natural_order_whatever_its_own() {
     let text = "frame,x,y,object,sequence\n1,0.5,0.25,cube,s10\n0,1,2,cube,s10\n0,-1,-2,cube,s9\n";
-    let table = parse_ground_truth(text.as_bytes(), "gt.csv").expect("a table");
+    let table = parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
     assert!(table.notices.is_empty());
     let truth = table.content;
     assert_eq!(truth.keys(), [key("s9", 0), key("s10", 0), key("s10", 1)]);
@@ -46,18 +46,23 @@ fn a_table_is_read_in_natural_order_whatever_its_own() {
 #[test]
 fn byte_order_mark_crlf_semicolons_and_tabs_are_read() {
     let plain = "sequence,frame,object,x,y\n0,0,cube,0.1,0.2\n0,1,cube,0.3,0.4\n";
-    let expected = parse_ground_truth(plain.as_bytes(), "gt.csv")
+    let expected = parse_ground_truth(plain.as_bytes(), "gt.csv", &TableOptions::default())
         .expect("a table")
         .content;
     let windows = format!("\u{feff}{}", plain.replace('\n', "\r\n"));
     assert_eq!(
-        parse_ground_truth(windows.as_bytes(), "gt.csv")
+        parse_ground_truth(windows.as_bytes(), "gt.csv", &TableOptions::default())
             .expect("a table")
             .content,
         expected
     );
     for (separator, word) in [(";", "semicolon"), ("\t", "tab")] {
-        let table = parse_ground_truth(plain.replace(',', separator).as_bytes(), "gt.csv").expect("a table");
+        let table = parse_ground_truth(
+            plain.replace(',', separator).as_bytes(),
+            "gt.csv",
+            &TableOptions::default(),
+        )
+        .expect("a table");
         assert_eq!(table.content, expected);
         assert!(table.notices[0].contains(word));
     }
@@ -66,7 +71,7 @@ fn byte_order_mark_crlf_semicolons_and_tabs_are_read() {
 #[test]
 fn what_is_missing_is_not_visible_and_counted() {
     let text = "sequence,frame,object,x,y\n0,0,cube,0.1,0.2\n0,0,eef,,\n0,1,cube,nan,nan\n0,1,eef,0,0\n0,2,eef,1,1\n";
-    let table = parse_ground_truth(text.as_bytes(), "gt.csv").expect("a table");
+    let table = parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
     assert!(table.content.frame(0)[[1, 0]].is_nan());
     assert!(table.content.frame(2)[[0, 0]].is_nan());
     assert!(
@@ -87,7 +92,7 @@ fn another_unit_is_asked_about() {
             "sequence,frame,object,x,y\n{}",
             (0..20).map(row).collect::<String>()
         );
-        parse_ground_truth(text.as_bytes(), "gt.csv")
+        parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default())
             .expect("a table")
             .notices
             .join("; ")
@@ -154,18 +159,22 @@ fn bad_tables_are_told_with_line_and_column() {
         let message = truth_error(&text);
         assert!(message.contains(expected), "{message}\nexpected: {expected}");
     }
-    let utf16 = parse_ground_truth(&[0xff, 0xfe, b's', 0], "gt.csv")
+    let utf16 = parse_ground_truth(&[0xff, 0xfe, b's', 0], "gt.csv", &TableOptions::default())
         .expect_err("UTF-16")
         .to_string();
     assert!(utf16.contains("UTF-16; save it as \"CSV UTF-8\""), "{utf16}");
-    let latin = parse_ground_truth(b"sequence,frame,object,x,y\n0,0,w\xfcrfel,0,0\n", "gt.csv");
+    let latin = parse_ground_truth(
+        b"sequence,frame,object,x,y\n0,0,w\xfcrfel,0,0\n",
+        "gt.csv",
+        &TableOptions::default(),
+    );
     assert!(
         latin
             .expect_err("Latin-1")
             .to_string()
             .contains("gt.csv: line 2: not valid UTF-8")
     );
-    let binary = parse_ground_truth(b"\x89PNG\0\0", "gt.csv")
+    let binary = parse_ground_truth(b"\x89PNG\0\0", "gt.csv", &TableOptions::default())
         .expect_err("binary")
         .to_string();
     assert!(binary.contains("not a text file"), "{binary}");
@@ -197,12 +206,16 @@ fn keypoints_are_numbered_from_zero_without_gaps() {
 #[test]
 fn keypoints_written_as_csv_are_read_back_digit_by_digit() {
     let text = "sequence,frame,keypoint,x,y\n\"a,b\",3,0,0.1,-0.30000001192092896\n\"a,b\",3,1,1e-17,1\n";
-    let track = parse_keypoints(text.as_bytes(), "kp.csv")
+    let track = parse_keypoints(text.as_bytes(), "kp.csv", &TableOptions::default())
         .expect("a table")
         .content;
-    let again = parse_keypoints(keypoints_csv(&track).as_bytes(), "kp.csv")
-        .expect("a table")
-        .content;
+    let again = parse_keypoints(
+        keypoints_csv(&track).as_bytes(),
+        "kp.csv",
+        &TableOptions::default(),
+    )
+    .expect("a table")
+    .content;
     assert_eq!(track, again);
 }
 

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use ndarray::{Array3, Array4, ArrayView};
 use serde_json::Value;
 use tracklens::data::{
-    AxisOrder, Frame, FrameSource, NpzWriter, Pixels, Recording, Split, ground_truth_csv, numpy_permutation,
-    parse_ground_truth, parse_npz_ground_truth, parse_npz_keypoints,
+    AxisOrder, Frame, FrameSource, NpzWriter, Pixels, Recording, Split, TableOptions, ground_truth_csv,
+    numpy_permutation, parse_ground_truth, parse_npz_ground_truth, parse_npz_keypoints,
 };
 use tracklens::track::FrameKey;
 
@@ -250,7 +250,12 @@ fn a_ground_truth_survives_csv() {
     points[[2, 1, 1]] = f64::NAN;
     truth = tracklens::track::GroundTruth::new(truth.keys().to_vec(), truth.names().to_vec(), points)
         .expect("a ground truth");
-    let again = parse_ground_truth(ground_truth_csv(&truth).as_bytes(), "gt.csv").expect("a table");
+    let again = parse_ground_truth(
+        ground_truth_csv(&truth).as_bytes(),
+        "gt.csv",
+        &TableOptions::default(),
+    )
+    .expect("a table");
     assert_eq!(again.content.keys(), truth.keys());
     assert_eq!(again.content.names(), truth.names());
     for (a, b) in again.content.points_ndc().iter().zip(truth.points_ndc()) {

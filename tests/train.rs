@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
-use tracklens::data::{EncodedFrames, FrameIndex, parse_ground_truth};
+use tracklens::data::{EncodedFrames, FrameIndex, TableOptions, parse_ground_truth};
 use tracklens::engine::{Encoder, Workspace};
 use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
@@ -41,7 +41,7 @@ fn config(epochs: u32) -> TrainConfig {
 
 fn dataset(config: &TrainConfig, cache: u64) -> Dataset {
     let truth = fs::read(recording().join("ground_truth.csv")).expect("a ground truth");
-    let truth = parse_ground_truth(&truth, "ground_truth.csv")
+    let truth = parse_ground_truth(&truth, "ground_truth.csv", &TableOptions::default())
         .expect("a table")
         .content;
     let mut paths = Vec::new();

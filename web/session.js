@@ -42,11 +42,15 @@ const READERS = 8;
 /** Enough to tell what a file is. */
 const HEAD_BYTES = 4096;
 
-/** @type {Record<Slot, (bytes: Uint8Array, path: string) => GroundTruthTable | Encoder | KeypointTable>} */
+/**
+ * `imageSize` is that of the frames, for positions in pixels.
+ * @type {Record<Slot, (bytes: Uint8Array, path: string, imageSize: [number, number] | undefined) =>
+ *   GroundTruthTable | Encoder | KeypointTable>}
+ */
 const PARSERS = {
-  "ground-truth": (bytes, path) => GroundTruthTable.parse(bytes, path),
+  "ground-truth": (bytes, path, imageSize) => GroundTruthTable.parse(bytes, path, { imageSize }),
   checkpoint: (bytes, path) => new Encoder(bytes, path),
-  keypoints: (bytes, path) => KeypointTable.parse(bytes, path),
+  keypoints: (bytes, path, imageSize) => KeypointTable.parse(bytes, path, { imageSize }),
 };
 
 /** @type {[Slot, string][]} */
@@ -133,8 +137,9 @@ export class Session extends EventTarget {
       }
       this.problems.delete("nothing");
       let done = 0;
+      const size = await imageSize([...sources, ...[...this.images].slice(0, 1).map(([path, blob]) => ({ path, blob }))]);
       const read = await mapBounded(sources, READERS, async (source) => {
-        const entry = alive() ? await this.#identify(source) : null;
+        const entry = alive() ? await this.#identify(source, size) : null;
         this.#read("Reading", ++done, sources.length);
         return entry;
       });
@@ -406,9 +411,10 @@ export class Session extends EventTarget {
   /**
    * What a file is, parsed; `null` for an image.
    * @param {Source} source
+   * @param {[number, number] | undefined} size of the frames
    * @returns {Promise<Entry | null>}
    */
-  async #identify({ path, blob }) {
+  async #identify({ path, blob }, size) {
     /** @type {Entry} */
     const entry = {
       path,
@@ -428,7 +434,7 @@ export class Session extends EventTarget {
       entry.role = role;
       entry.reason = reason;
       if (role === "unknown") return entry;
-      entry.content = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path);
+      entry.content = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path, size);
       entry.state = "spare";
       if (entry.content instanceof Encoder) entry.extraction = new Extraction(this.#extractor, { path, blob });
       else entry.notices.push(...entry.content.notices);
@@ -743,6 +749,25 @@ export class Session extends EventTarget {
   /** @param {string} topic */
   #emit(topic) {
     this.dispatchEvent(new Event(topic));
+  }
+}
+
+/**
+ * Width and height of the first image; an image that cannot be read is told when its keypoints are extracted.
+ * @param {Source[]} sources
+ * @returns {Promise<[number, number] | undefined>}
+ */
+async function imageSize(sources) {
+  const none = new Uint8Array();
+  const first = sources.find(({ path }) => classify(path, none).role === "image");
+  try {
+    const image = first && (await createImageBitmap(first.blob));
+    if (!image) return undefined;
+    const { width, height } = image;
+    image.close();
+    return [width, height];
+  } catch {
+    return undefined;
   }
 }
 

@@ -124,3 +124,16 @@ test("a figure is an SVG document", () => {
   assert.match(svg, /^<svg/);
   assert.throws(() => tracklens.linesToSvg({ ...figure, grid: "red" }, 400, 200), /#rrggbb/);
 });
+
+test("tables in pixels are read with the size of their images", () => {
+  const text = "frame,cube_x,cube_y\n0,0,0\n1,199,99\n";
+  const bytes = new TextEncoder().encode(text);
+  const options = { space: "px", imageSize: [200, 100] };
+  const table = tracklens.GroundTruthTable.parse(bytes, "push.csv", options);
+  assert.deepEqual(table.objects, ["cube"]);
+  assert.throws(
+    () => tracklens.GroundTruthTable.parse(bytes, "push.csv", { space: "px" }),
+    /push\.csv: the positions are in pixels/,
+  );
+  assert.throws(() => tracklens.GroundTruthTable.parse(bytes, "push.csv", { size: [1, 1] }), /size/);
+});

@@ -93,9 +93,11 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     if let Some(path) = &arguments.keypoints_out {
         atomic::write(path, keypoints_csv(&extracted.track).as_bytes())?;
     }
-    arguments
-        .scoring
-        .score(&truth, &extracted.track, extracted.image_size)
+    arguments.scoring.score(
+        &truth,
+        &extracted.track,
+        source.reading.image_size.or(extracted.image_size),
+    )
 }
 
 struct Extracted {

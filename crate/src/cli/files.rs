@@ -9,8 +9,8 @@ use clap::Args;
 
 use crate::checkpoint::Checkpoint;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Table, parse_ground_truth,
-    parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table, TableOptions,
+    parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
 };
 use crate::error::{Error, ErrorKind, Result};
 use crate::track::{GroundTruth, KeypointTrack};
@@ -18,15 +18,25 @@ use crate::track::{GroundTruth, KeypointTrack};
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
 
-/// How points are read from recordings, and which of them count.
+/// How points are read from tables and recordings, and which of them count.
 #[derive(Debug, Args)]
 pub(super) struct TruthArguments {
-    /// Order of coordinates in a recording's points: xy or yx; default: what the file says, else xy
+    /// Order of coordinates in points: xy or yx; default: what the file says, else xy
     #[arg(long, value_name = "ORDER")]
     axis_order: Option<AxisOrder>,
     /// Only these objects of the ground truth, in this order (e.g. cube,target,eef); default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     objects: Vec<String>,
+    /// Unit of the ground truth's positions: ndc (-1 to +1 across the image) or px; default: px for DeepLabCut and COCO,
+    /// otherwise ndc
+    #[arg(long, value_name = "SPACE")]
+    space: Option<Space>,
+    /// Number of the first frame in the ground truth
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    index_base: u64,
+    /// Size of the images in pixels, for positions and errors in pixels; default: that of the frames, where there are any
+    #[arg(long, value_name = "WxH", value_parser = super::score::parse_size)]
+    pub image_size: Option<[u32; 2]>,
 }
 
 impl TruthArguments {
@@ -39,12 +49,12 @@ impl TruthArguments {
     ) -> Result<Option<GroundTruth>> {
         let beside = path.join("ground_truth.csv");
         let found = match (truth, frames.truth()) {
-            (Some(truth), _) => self.read(truth)?,
+            (Some(truth), _) => self.read_beside(truth, frames)?,
             (None, Some(own)) => {
                 tell(path, frames.notices());
                 self.select(own.clone())?
             }
-            (None, None) if beside.is_file() => self.read(&beside)?,
+            (None, None) if beside.is_file() => self.read_beside(&beside, frames)?,
             (None, None) => return Ok(None),
         };
         Ok(Some(found))
@@ -70,14 +80,35 @@ impl TruthArguments {
         })
     }
 
+    /// Reads a table whose positions belong to `frames`.
+    fn read_beside(&self, path: &Path, frames: &dyn FrameSource) -> Result<GroundTruth> {
+        self.read_sized(path, || {
+            // Frames that cannot be read are told when it is their turn.
+            let frame = frames.read(0).ok()?;
+            Some([frame.width(), frame.height()].map(|side| side as u32))
+        })
+    }
+
     /// Reads a table, or the points of a recording.
     pub fn read(&self, path: &Path) -> Result<GroundTruth> {
+        self.read_sized(path, || None)
+    }
+
+    fn read_sized(&self, path: &Path, size: impl FnOnce() -> Option<[u32; 2]>) -> Result<GroundTruth> {
         let table = match Format::of(path)? {
             Format::Npz => parse_npz_ground_truth(&read(path)?, &path.to_string_lossy(), self.axis_order)?,
             Format::Hdf5 => {
                 read_hdf5_ground_truth(open(path)?, self.axis_order).map_err(|e| e.at(path.display()))?
             }
-            Format::Other => parse_ground_truth(&read(path)?, &path.to_string_lossy())?,
+            Format::Other => {
+                let options = TableOptions {
+                    space: self.space,
+                    axes: self.axis_order,
+                    index_base: self.index_base,
+                    image_size: self.image_size.or_else(size),
+                };
+                parse_ground_truth(&read(path)?, &path.to_string_lossy(), &options)?
+            }
         };
         self.select(told(table, path))
     }
@@ -243,11 +274,24 @@ fn open(path: &Path) -> Result<File> {
 }
 
 /// Reads keypoints: a table, or the points of an NPZ file.
-pub(super) fn read_keypoints(path: &Path, arguments: &TruthArguments) -> Result<KeypointTrack> {
+pub(super) fn read_keypoints(
+    path: &Path,
+    arguments: &TruthArguments,
+    space: Option<Space>,
+    index_base: u64,
+) -> Result<KeypointTrack> {
     let (bytes, name) = (read(path)?, path.to_string_lossy());
     let table = match bytes.starts_with(NPZ_MAGIC) {
         true => parse_npz_keypoints(&bytes, &name, arguments.axis_order)?,
-        false => parse_keypoints(&bytes, &name)?,
+        false => {
+            let options = TableOptions {
+                space,
+                axes: arguments.axis_order,
+                index_base,
+                image_size: arguments.image_size,
+            };
+            parse_keypoints(&bytes, &name, &options)?
+        }
     };
     Ok(told(table, path))
 }

@@ -8,6 +8,7 @@ use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
 use super::files::{self, TruthArguments};
+use crate::data::Space;
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::{EvaluationReport, JoinReport};
@@ -16,13 +17,20 @@ use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArguments {
-    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down), or a
-    /// recording (.npz, .hdf5)
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down) or with two
+    /// columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO keypoints (JSON), or a recording (.npz, .hdf5)
     #[arg(long, value_name = "GT.csv")]
     truth: PathBuf,
-    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0), or an NPZ file
+    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0), another of these tables, or
+    /// an NPZ file
     #[arg(long, value_name = "KP.csv")]
     keypoints: PathBuf,
+    /// Unit of the keypoints: ndc or px; default: px for DeepLabCut and COCO, otherwise ndc
+    #[arg(long, value_name = "SPACE")]
+    keypoints_space: Option<Space>,
+    /// Number of the first frame, and in a table with one row a point of the first keypoint
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    keypoints_index_base: u64,
     #[command(flatten)]
     reading: TruthArguments,
     #[command(flatten)]
@@ -45,9 +53,6 @@ pub(super) struct ScoringArguments {
     /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
     #[arg(long, value_name = "POLICY", default_value = "error")]
     non_finite: NonFinite,
-    /// Size of the images in pixels, for errors in pixels
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    image_size: Option<[u32; 2]>,
     /// Print the evaluation as JSON (the default when the output is not a terminal)
     #[arg(long, conflicts_with = "csv")]
     json: bool,
@@ -70,7 +75,7 @@ fn parse_threshold(text: &str) -> Result<(String, f64)> {
     Ok((name.to_owned(), value))
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2]> {
+pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
     let sides = text
         .split_once('x')
         .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
@@ -85,12 +90,19 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
     let truth = arguments.reading.read(&arguments.truth)?;
-    let keypoints = files::read_keypoints(&arguments.keypoints, &arguments.reading)?;
-    arguments.scoring.score(&truth, &keypoints, None)
+    let keypoints = files::read_keypoints(
+        &arguments.keypoints,
+        &arguments.reading,
+        arguments.keypoints_space,
+        arguments.keypoints_index_base,
+    )?;
+    arguments
+        .scoring
+        .score(&truth, &keypoints, arguments.reading.image_size)
 }
 
 impl ScoringArguments {
-    /// Scores and prints. `image_size` is the images' own size, where they are known.
+    /// Scores and prints. `image_size` is the size of the images, where it is known.
     pub fn score(
         &self,
         truth: &GroundTruth,
@@ -104,7 +116,7 @@ impl ScoringArguments {
         };
         let evaluation = scoring.evaluate(&self.thresholds, &settings)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
-        let report = EvaluationReport::new(&evaluation, self.image_size.or(image_size), Some(&join));
+        let report = EvaluationReport::new(&evaluation, image_size, Some(&join));
         for rule in &join.rules {
             eprintln!("note: {rule}");
         }

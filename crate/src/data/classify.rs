@@ -1,6 +1,7 @@
 //! What a file is, from its path and first bytes.
 
 use super::frames::{is_hidden, is_image};
+use super::table::{Layout, header_layout};
 use crate::checkpoint::Format;
 
 /// What a file is taken for.
@@ -52,6 +53,7 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
             format!("a checkpoint, by its ending `.{ending}`"),
         ),
         "csv" | "tsv" | "txt" => table(head),
+        "json" => json(head),
         ending => match (Format::of(head), ending) {
             (Some(format), _) => (Role::Checkpoint, format!("a {format} checkpoint, by its content")),
             (None, "") => (Role::Unknown, "a file without an ending".to_owned()),
@@ -68,11 +70,11 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
 fn table(head: &[u8]) -> (Role, String) {
     let text = String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head));
     let header = text.lines().next().unwrap_or_default().to_ascii_lowercase();
-    let has = |name: &str| {
-        header
-            .split([',', ';', '\t'])
-            .any(|c| c.trim().trim_matches('"') == name)
-    };
+    let fields: csv::StringRecord = header
+        .split([',', ';', '\t'])
+        .map(|c| c.trim().trim_matches('"'))
+        .collect();
+    let has = |name: &str| fields.iter().any(|c| c == name);
     match (has("object"), has("keypoint")) {
         (true, false) => (Role::GroundTruth, "a table with a column `object`".to_owned()),
         (false, true) => (Role::Keypoints, "a table with a column `keypoint`".to_owned()),
@@ -84,10 +86,39 @@ fn table(head: &[u8]) -> (Role, String) {
             Role::GroundTruth,
             "a table with columns `x` and `y`; a ground truth also needs `object`, keypoints need `keypoint`".to_owned(),
         ),
-        (false, false) => (
+        (false, false) => match header_layout(&fields) {
+            Layout::Wide => (
+                Role::GroundTruth,
+                "a table with two columns a point, e.g. `cube_x,cube_y`; a guess: keypoints can look the same".to_owned(),
+            ),
+            Layout::DeepLabCut => (
+                Role::GroundTruth,
+                "a table of DeepLabCut; a guess: keypoints can look the same".to_owned(),
+            ),
+            Layout::Tidy | Layout::Coco => (
+                Role::Unknown,
+                "a table without a column `object` (ground truth) or `keypoint`: expected `sequence,frame,object,x,y` or \
+                 `sequence,frame,keypoint,x,y`"
+                    .to_owned(),
+            ),
+        },
+    }
+}
+
+/// JSON: COCO keypoints, whose parts may come in any order.
+fn json(head: &[u8]) -> (Role, String) {
+    let text = String::from_utf8_lossy(head);
+    let is_coco = ["\"images\"", "\"annotations\"", "\"categories\""]
+        .iter()
+        .any(|key| text.contains(key));
+    match is_coco {
+        true => (
+            Role::GroundTruth,
+            "COCO keypoints; a guess: keypoints of a detector can look the same".to_owned(),
+        ),
+        false => (
             Role::Unknown,
-            "a table without a column `object` (ground truth) or `keypoint`: expected `sequence,frame,object,x,y` or \
-             `sequence,frame,keypoint,x,y`"
+            "JSON without `images`, `annotations` or `categories` at its beginning; expected COCO keypoints"
                 .to_owned(),
         ),
     }

@@ -30,4 +30,6 @@ pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, numpy_permutation};
 #[cfg(feature = "report")]
 pub(crate) use table::quote_csv;
-pub use table::{Table, ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints};
+pub use table::{
+    Layout, Space, Table, TableOptions, ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints,
+};

@@ -1,13 +1,40 @@
 //! Ground truth and keypoints in JavaScript.
 
 use ndarray::Array3;
+use serde::Deserialize;
 use wasm_bindgen::prelude::*;
 
 use super::frames::FrameIndex;
-use super::{JsResult, js_error};
-use crate::data::{self, Table};
+use super::{JsResult, from_js, js_error};
+use crate::data::{self, AxisOrder, Space, Table, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+struct JsTableOptions {
+    space: Option<String>,
+    axis_order: Option<String>,
+    index_base: u64,
+    image_size: Option<[u32; 2]>,
+}
+
+fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
+    let keys = ["space", "axisOrder", "indexBase", "imageSize"];
+    let options: JsTableOptions = from_js(value, &format!("the options of {call}"), &keys)?;
+    let space = options.space.as_deref().map(str::parse::<Space>).transpose();
+    let axes = options
+        .axis_order
+        .as_deref()
+        .map(str::parse::<AxisOrder>)
+        .transpose();
+    Ok(TableOptions {
+        space: space.map_err(|e| js_error(&e))?,
+        axes: axes.map_err(|e| js_error(&e))?,
+        index_base: options.index_base,
+        image_size: options.image_size,
+    })
+}
 
 /// Object positions over frames.
 #[wasm_bindgen]
@@ -25,12 +52,13 @@ pub struct KeypointTable {
 
 #[wasm_bindgen]
 impl GroundTruthTable {
-    /// Parses `sequence,frame,object,x,y`.
+    /// Parses a table of any layout; `options` may give what the file does not say.
     ///
     /// # Errors
     /// As [`data::parse_ground_truth`].
-    pub fn parse(bytes: &[u8], name: String) -> JsResult<GroundTruthTable> {
-        let table = data::parse_ground_truth(bytes, &name).map_err(|e| js_error(&e))?;
+    pub fn parse(bytes: &[u8], name: String, options: JsValue) -> JsResult<GroundTruthTable> {
+        let options = table_options(options, "GroundTruthTable.parse")?;
+        let table = data::parse_ground_truth(bytes, &name, &options).map_err(|e| js_error(&e))?;
         Ok(Self { name, table })
     }
 
@@ -67,12 +95,13 @@ impl GroundTruthTable {
 
 #[wasm_bindgen]
 impl KeypointTable {
-    /// Parses `sequence,frame,keypoint,x,y`.
+    /// Parses a table of any layout; `options` may give what the file does not say.
     ///
     /// # Errors
     /// As [`data::parse_keypoints`].
-    pub fn parse(bytes: &[u8], name: String) -> JsResult<KeypointTable> {
-        let table = data::parse_keypoints(bytes, &name).map_err(|e| js_error(&e))?;
+    pub fn parse(bytes: &[u8], name: String, options: JsValue) -> JsResult<KeypointTable> {
+        let options = table_options(options, "KeypointTable.parse")?;
+        let table = data::parse_keypoints(bytes, &name, &options).map_err(|e| js_error(&e))?;
         Ok(Self { name, table })
     }
 
