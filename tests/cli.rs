@@ -159,6 +159,56 @@ fn thresholds_transforms_and_ranks_are_taken() {
 }
 
 #[test]
+fn other_sequences_are_asked_for() {
+    let tables = Tables::new();
+    // The recording has one sequence; three need rows of their own.
+    let cut = |name: &str| {
+        let text = std::fs::read_to_string(tables.path(name)).expect("a table");
+        let rows = text.lines().enumerate().map(|(i, row)| match i {
+            0 => format!("{row}\n"),
+            _ => {
+                let frame: usize = row
+                    .split(',')
+                    .nth(1)
+                    .and_then(|f| f.parse().ok())
+                    .expect("a frame");
+                format!("{}{}\n", frame / 14, &row[1..])
+            }
+        });
+        rows.collect::<String>()
+    };
+    let (truth, keypoints) = (cut("gt.csv"), cut("kp.csv"));
+    tables.write("gt.csv", &truth);
+    tables.write("kp.csv", &keypoints);
+    let result = json(&tables.score(&["--folds", "3", "--bootstrap", "50", "--resampling-seed", "4"]));
+    assert_eq!(result["held_out"]["folds"], 3);
+    assert_eq!(
+        result["held_out"]["objects"][0]["keypoints"]
+            .as_array()
+            .expect("one a fold")
+            .len(),
+        3
+    );
+    assert!(
+        result["held_out"]["objects"][0]["error"]
+            .as_f64()
+            .expect("an error")
+            < 1e-9
+    );
+    assert_eq!(result["intervals"]["resamples"], 50);
+    assert_eq!(result["intervals"]["tc"][1], 1.0);
+    let plain = json(&tables.score(&[]));
+    assert!(plain.get("held_out").is_none() && plain.get("intervals").is_none());
+    assert_eq!(plain["objects"], result["objects"]);
+    let too_many = tables.score(&["--folds", "4"]);
+    assert!(
+        stderr(&too_many).contains("4 folds of 3 sequences"),
+        "{}",
+        stderr(&too_many)
+    );
+}
+
+#[test]
 fn csv_has_one_line_an_object() {
     let output = Tables::new().score(&["--csv"]);
     let text = String::from_utf8(output.stdout).expect("text");

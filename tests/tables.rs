@@ -6,8 +6,11 @@ use tracklens::track::GroundTruth;
 
 const SIZE: [u32; 2] = [200, 100];
 
+/// The positions of two objects in one frame; none: hidden.
+type Objects = [Option<[f64; 2]>; 2];
+
 /// Two objects in two frames of two sequences, in pixels of 200 x 100 images; the second object is hidden once.
-const POINTS: [(&str, u64, [Option<[f64; 2]>; 2]); 4] = [
+const POINTS: [(&str, u64, Objects); 4] = [
     ("left", 0, [Some([0.0, 0.0]), Some([199.0, 99.0])]),
     ("left", 7, [Some([12.5, 40.0]), None]),
     ("right", 0, [Some([100.0, 3.25]), Some([50.0, 50.0])]),

@@ -2,9 +2,12 @@
 
 use ndarray::{Array2, Array3, Axis};
 
-use crate::data::{Join, join};
+use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
-use crate::metric::{Accumulator, Evaluation, Fit, Moments, NonFinite, Object, Settings};
+use crate::metric::{
+    Accumulator, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object, Settings, bootstrap,
+    held_out,
+};
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
 /// A ground truth and keypoints with their join. The moments are taken once; scoring with other settings then
@@ -16,6 +19,7 @@ pub struct Scoring {
     keypoints: Array3<f64>,
     truth_ndc: Array3<f64>,
     join: Join,
+    policy: NonFinite,
     moments: Moments,
 }
 
@@ -51,6 +55,7 @@ impl Scoring {
             keypoints: keypoints.points().select(Axis(0), &left),
             truth_ndc: truth.points_ndc().select(Axis(0), &right),
             join,
+            policy,
             moments: accumulator.finish(),
         })
     }
@@ -76,6 +81,58 @@ impl Scoring {
     /// # Errors
     /// When a threshold is for an object that is not there, is given twice or is not positive; as [`Moments::evaluate`].
     pub fn evaluate(&self, thresholds: &[(String, f64)], settings: &Settings) -> Result<Evaluation> {
+        self.moments.evaluate(&self.thresholds(thresholds)?, settings)
+    }
+
+    /// Scores every fold of the sequences with maps and best keypoints of the others; see [`held_out`].
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`] and [`held_out`].
+    pub fn held_out(
+        &self,
+        folds: usize,
+        seed: u64,
+        thresholds: &[(String, f64)],
+        settings: &Settings,
+    ) -> Result<HeldOut> {
+        let objects = self.thresholds(thresholds)?;
+        held_out(&self.sequences()?, folds, seed, &objects, settings)
+    }
+
+    /// 95 % intervals over the sequences; see [`bootstrap`].
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`] and [`bootstrap`].
+    pub fn bootstrap(
+        &self,
+        resamples: usize,
+        seed: u64,
+        thresholds: &[(String, f64)],
+        settings: &Settings,
+    ) -> Result<Intervals> {
+        let objects = self.thresholds(thresholds)?;
+        bootstrap(&self.sequences()?, resamples, 0.95, seed, &objects, settings)
+    }
+
+    /// The moments of each sequence.
+    fn sequences(&self) -> Result<Vec<Moments>> {
+        let moments = |range: SequenceRange| {
+            let (keypoints, objects) = (self.keypoints.dim().1, self.names.len());
+            let mut accumulator = Accumulator::new(keypoints, objects, self.policy);
+            for t in range.start..range.start + range.length {
+                let (z, x) = (
+                    self.keypoints.index_axis(Axis(0), t),
+                    self.truth_ndc.index_axis(Axis(0), t),
+                );
+                accumulator.push(z, x).map_err(|e| e.at(&self.keys[t]))?;
+            }
+            Ok(accumulator.finish())
+        };
+        ranges(&self.keys).into_iter().map(moments).collect()
+    }
+
+    /// The objects with the thresholds that are given, or their default.
+    fn thresholds(&self, thresholds: &[(String, f64)]) -> Result<Vec<Object>> {
         let mut objects: Vec<Object> = self.names.iter().map(Object::with_default_threshold).collect();
         for (i, (name, threshold)) in thresholds.iter().enumerate() {
             if thresholds[..i].iter().any(|(other, _)| other == name) {
@@ -91,7 +148,7 @@ impl Scoring {
             };
             object.threshold = *threshold;
         }
-        self.moments.evaluate(&objects, settings)
+        Ok(objects)
     }
 
     /// The points of object `k` and keypoint `n` with the map that `settings` fit.

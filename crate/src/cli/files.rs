@@ -85,7 +85,7 @@ impl TruthArguments {
         self.read_sized(path, || {
             // Frames that cannot be read are told when it is their turn.
             let frame = frames.read(0).ok()?;
-            Some([frame.width(), frame.height()].map(|side| side as u32))
+            Some([frame.width(), frame.height()])
         })
     }
 

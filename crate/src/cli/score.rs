@@ -11,7 +11,7 @@ use super::files::{self, TruthArguments};
 use crate::data::Space;
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{EvaluationReport, JoinReport};
+use crate::report::{EvaluationReport, HeldOutReport, IntervalsReport, JoinReport};
 use crate::scoring::Scoring;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -53,6 +53,15 @@ pub(super) struct ScoringArguments {
     /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
     #[arg(long, value_name = "POLICY", default_value = "error")]
     non_finite: NonFinite,
+    /// Also fit and score on different sequences, in this many folds
+    #[arg(long, value_name = "N")]
+    folds: Option<usize>,
+    /// Also give 95 % intervals, by drawing the sequences this many times with replacement
+    #[arg(long, value_name = "RESAMPLES")]
+    bootstrap: Option<usize>,
+    /// Deals sequences to folds and draws the bootstrap
+    #[arg(long, value_name = "SEED", default_value_t = 0)]
+    resampling_seed: u64,
     /// Print the evaluation as JSON (the default when the output is not a terminal)
     #[arg(long, conflicts_with = "csv")]
     json: bool,
@@ -116,7 +125,16 @@ impl ScoringArguments {
         };
         let evaluation = scoring.evaluate(&self.thresholds, &settings)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
-        let report = EvaluationReport::new(&evaluation, image_size, Some(&join));
+        let mut report = EvaluationReport::new(&evaluation, image_size, Some(&join));
+        let seed = self.resampling_seed;
+        if let Some(folds) = self.folds {
+            let held_out = scoring.held_out(folds, seed, &self.thresholds, &settings)?;
+            report.held_out = Some(HeldOutReport::new(&held_out, seed));
+        }
+        if let Some(resamples) = self.bootstrap {
+            let intervals = scoring.bootstrap(resamples, seed, &self.thresholds, &settings)?;
+            report.intervals = Some(IntervalsReport::new(&intervals, seed, &evaluation));
+        }
         for rule in &join.rules {
             eprintln!("note: {rule}");
         }
@@ -178,6 +196,29 @@ fn print_table(report: &EvaluationReport) {
         report.frames
     );
     println!("{table}");
+    if let Some(intervals) = &report.intervals {
+        let range = |name: &str, [low, high]: [f64; 2]| format!("{name} {low:.5} to {high:.5}");
+        let errors = intervals.objects.iter();
+        let errors: Vec<String> = errors.filter_map(|o| Some(range(&o.name, o.error?))).collect();
+        println!(
+            "95 % intervals over sequences ({} resamples): {}; {}",
+            intervals.resamples,
+            range("TC", intervals.tc),
+            errors.join("; ")
+        );
+    }
+    if let Some(held_out) = &report.held_out {
+        let objects = held_out.objects.iter();
+        let errors: Vec<String> = objects
+            .map(|o| format!("{} {}", o.name, number(o.error)))
+            .collect();
+        println!(
+            "on held-out sequences ({} folds): TC {:.3}; {}",
+            held_out.folds,
+            held_out.tc,
+            errors.join("; ")
+        );
+    }
     println!(
         "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
         report.transform, report.rank

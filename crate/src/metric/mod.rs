@@ -31,11 +31,13 @@ mod accumulator;
 mod evaluation;
 mod map;
 mod moments;
+mod sequences;
 
 pub use accumulator::{Accumulator, NonFinite};
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};
 pub use map::{AffineMap, Fit, Rank, Transform};
 pub use moments::Moments;
+pub use sequences::{HeldOut, HeldOutObject, Intervals, bootstrap, held_out};
 
 use ndarray::ArrayView3;
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::data::Join;
-use crate::metric::{Evaluation, Transform};
+use crate::metric::{Evaluation, HeldOut, HeldOutObject, Intervals, Transform};
 use crate::track::FrameKey;
 
 const CSV_HEADER: &str = "object,tracked,error,threshold,best_keypoint,error_sum,rmse,rmse_px,frames,outside,\
@@ -37,6 +37,102 @@ pub struct EvaluationReport {
     pub errors: Vec<Vec<Option<f64>>>,
     /// What a person should know.
     pub warnings: Vec<String>,
+    /// The same on sequences that the maps were not fitted on, where that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<HeldOutReport>,
+    /// 95 % intervals, where they were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intervals: Option<IntervalsReport>,
+}
+
+/// [`HeldOut`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutReport {
+    /// The number of folds of the sequences.
+    pub folds: usize,
+    /// Deals the sequences to the folds.
+    pub seed: u64,
+    /// The share of objects whose held-out error is at most their threshold.
+    pub tc: f64,
+    /// The objects.
+    pub objects: Vec<HeldOutObjectReport>,
+}
+
+/// One object of a [`HeldOutReport`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutObjectReport {
+    /// Its name.
+    pub name: String,
+    /// Whether the error is at most the threshold.
+    pub tracked: bool,
+    /// The mean squared distance; null where no fold could be scored.
+    pub error: Option<f64>,
+    /// The best keypoint on the other folds, by the fold.
+    pub keypoints: Vec<Option<usize>>,
+}
+
+/// [`Intervals`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct IntervalsReport {
+    /// `percentile bootstrap over sequences`.
+    pub method: String,
+    /// The share of resamples between the ends of an interval.
+    pub level: f64,
+    /// The number of resamples.
+    pub resamples: usize,
+    /// Draws them.
+    pub seed: u64,
+    /// Of the tracking capability.
+    pub tc: [f64; 2],
+    /// Of the objects\' errors.
+    pub objects: Vec<IntervalReport>,
+}
+
+/// One object of an [`IntervalsReport`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct IntervalReport {
+    /// Its name.
+    pub name: String,
+    /// Of the tracking error of its best keypoint; null where a resample does not show the object.
+    pub error: Option<[f64; 2]>,
+}
+
+impl HeldOutReport {
+    /// The report of `held_out`, whose folds `seed` dealt.
+    pub fn new(held_out: &HeldOut, seed: u64) -> Self {
+        let object = |object: &HeldOutObject| HeldOutObjectReport {
+            name: object.name.clone(),
+            tracked: object.tracked,
+            error: object.error,
+            keypoints: object.keypoints.clone(),
+        };
+        Self {
+            folds: held_out.folds,
+            seed,
+            tc: held_out.tracking_capability,
+            objects: held_out.objects.iter().map(object).collect(),
+        }
+    }
+}
+
+impl IntervalsReport {
+    /// The report of `intervals`, drawn with `seed`, over the objects of `evaluation`.
+    pub fn new(intervals: &Intervals, seed: u64, evaluation: &Evaluation) -> Self {
+        let objects = evaluation.objects.iter().zip(&intervals.errors);
+        Self {
+            method: "percentile bootstrap over sequences".to_owned(),
+            level: intervals.level,
+            resamples: intervals.resamples,
+            seed,
+            tc: intervals.tracking_capability,
+            objects: objects
+                .map(|(object, error)| IntervalReport {
+                    name: object.name.clone(),
+                    error: *error,
+                })
+                .collect(),
+        }
+    }
 }
 
 /// One object of an [`EvaluationReport`]; null where the object is visible in no frame.
@@ -147,6 +243,8 @@ impl EvaluationReport {
                 .chain(warnings(evaluation))
                 .collect(),
             objects,
+            held_out: None,
+            intervals: None,
         }
     }
 

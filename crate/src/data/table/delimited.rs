@@ -62,10 +62,10 @@ pub fn layout(header: &csv::StringRecord) -> Layout {
         .is_some_and(|first| first.eq_ignore_ascii_case("scorer"))
     {
         Layout::DeepLabCut
-    } else if !(has("x") && has("y")) && !wide::points(header).is_empty() {
-        Layout::Wide
-    } else {
+    } else if has("x") && has("y") || wide::points(header).is_empty() {
         Layout::Tidy
+    } else {
+        Layout::Wide
     }
 }
 
