@@ -8,6 +8,7 @@
 mod config;
 mod dataset;
 mod events;
+mod optimizer;
 mod run;
 mod state;
 mod trainer;

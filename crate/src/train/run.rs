@@ -21,6 +21,7 @@ use crate::atomic;
 use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
+use crate::model::{Adapter, OpenDevice, open};
 use crate::report::EvaluationReport;
 
 const CONFIG: &str = "config.json";
@@ -93,6 +94,9 @@ struct RunConfig<'a> {
     burn: &'static str,
     target: String,
     threads: usize,
+    /// The GPU; left out on the CPU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    adapter: Option<&'a Adapter>,
     #[serde(flatten)]
     train: &'a TrainConfig,
     input_size: [usize; 2],
@@ -102,7 +106,9 @@ struct RunConfig<'a> {
 }
 
 /// What a resumed run may change without computing something else than an uninterrupted one.
-const MAY_CHANGE: [&str; 6] = ["version", "git_hash", "burn", "target", "threads", "epochs"];
+const MAY_CHANGE: [&str; 7] = [
+    "version", "git_hash", "burn", "target", "threads", "adapter", "epochs",
+];
 
 /// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch), `checkpoint_best.safetensors`
 /// and `checkpoint_final.safetensors` (every epoch anew), `state.safetensors` (what a resumed run starts from) and
@@ -110,10 +116,11 @@ const MAY_CHANGE: [&str; 6] = ["version", "git_hash", "burn", "target", "threads
 /// to the same weights as one that was never interrupted, bit by bit, on the same machine with the same number of threads.
 ///
 /// `weights` are what an untrained SAE starts from, of the configuration in `config` with the data set's input size. When
-/// cancelled, the summary says so, and everything of the last whole epoch is kept.
+/// cancelled, the summary says so, and everything of the last whole epoch is kept. It runs on the configured device; a GPU
+/// does not promise the same weights bit by bit.
 ///
 /// # Errors
-/// When the configuration or the data set does not allow training, the folder holds a run already (or, resuming, another
+/// When the configuration or the data set does not allow training, the device is not there, the folder holds a run already (or, resuming, another
 /// one) or cannot be written, or the loss is not finite (with the epoch and what to try).
 pub fn train(
     config: &TrainConfig,
@@ -146,12 +153,14 @@ pub fn train(
     }
     let names = |part: &[&'_ Sequence]| part.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     let (training_names, validation_names) = (names(&training), names(&validation));
+    let OpenDevice { device, adapter } = open(config.device)?;
     let run = RunConfig {
         version: env!("CARGO_PKG_VERSION"),
         git_hash: option_env!("TRACKLENS_GIT_HASH"),
         burn: "0.22.1",
         target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
         threads: rayon::current_num_threads(),
+        adapter: adapter.as_ref(),
         train: config,
         input_size: dataset.input_size,
         objects: &dataset.objects,
@@ -161,11 +170,11 @@ pub fn train(
     let mut folder = RunFolder::open(out, options, &run, config)?;
     let mut trainer = match folder.resumed.take() {
         Some((weights, optimizer)) => {
-            let mut trainer = Trainer::new(&weights, config.learning_rate)?;
+            let mut trainer = Trainer::on(&device, &weights, config.learning_rate)?;
             trainer.load_optimizer(optimizer)?;
             trainer
         }
-        None => Trainer::new(weights, config.learning_rate)?,
+        None => Trainer::on(&device, weights, config.learning_rate)?,
     }
     .with_velocity_weight(config.velocity_weight);
     let validation = Validation::new(validation, config);
