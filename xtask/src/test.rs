@@ -11,10 +11,18 @@ use crate::{package, run, setup, site};
 
 const PAGE_TESTS: &str = "the page in a browser";
 const RECORDER: &str = "recorder of PandaPush";
+const GPU: &str = "gpu on lavapipe";
 
-pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Result<()> {
+/// What is left out, and not to be installed.
+pub struct Skipped {
+    pub page: bool,
+    pub recorder: bool,
+    pub gpu: bool,
+}
+
+pub fn run(workspace: &Workspace, skip: &Skipped) -> Result<()> {
     let mut steps = Steps::new();
-    let browsers = if skip_page {
+    let browsers = if skip.page {
         None
     } else {
         steps.run("set-up: Chromium and chromedriver", setup::browsers)
@@ -31,7 +39,15 @@ pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Resul
     });
     steps.run("exported encoders in onnxruntime", || onnx_tests(workspace));
 
-    if skip_recorder {
+    if skip.gpu {
+        steps.skipped(GPU);
+    } else if let Some(driver) = steps.run("set-up: lavapipe", setup::lavapipe) {
+        steps.run(GPU, || gpu_tests(workspace, driver.as_deref()));
+    } else {
+        steps.blocked(GPU);
+    }
+
+    if skip.recorder {
         steps.skipped(RECORDER);
     } else if let Some(python) = steps.run("set-up: PyBullet", || recorder_python(workspace)) {
         steps.run(RECORDER, || recorder_tests(workspace, &python));
@@ -45,7 +61,7 @@ pub fn run(workspace: &Workspace, skip_page: bool, skip_recorder: bool) -> Resul
     } else {
         steps.blocked(npm);
     }
-    if skip_page {
+    if skip.page {
         steps.skipped(PAGE_TESTS);
     } else if browsers.and(site).is_some() {
         steps.run(PAGE_TESTS, || page_tests(workspace));
@@ -90,6 +106,26 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     cargo
         .args(["test", "--release", "--package=tracklens", "--test=recorder"])
         .env("TRACKLENS_RECORDED", &recording);
+    run::run(cargo.current_dir(workspace.root()))
+}
+
+/// Builds burn a second time, with its wgpu backend, beside the build that everything else uses.
+fn gpu_tests(workspace: &Workspace, driver: Option<&Path>) -> Result<()> {
+    let mut cargo = run::cargo();
+    cargo.args([
+        "test",
+        "--release",
+        "--no-fail-fast",
+        "--package=tracklens",
+        "--features=gpu",
+        "--test=gpu",
+    ]);
+    // The second name is what loaders before 1.3.207 know.
+    for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        if let Some(driver) = driver {
+            cargo.env(variable, driver);
+        }
+    }
     run::run(cargo.current_dir(workspace.root()))
 }
 

@@ -1,6 +1,7 @@
 //! `cargo xtask setup`: finds what the build and the tests need, and installs what is missing.
 
 mod browser;
+mod gpu;
 mod install;
 mod node;
 mod python;
@@ -12,6 +13,7 @@ use crate::steps::Steps;
 use crate::workspace::Workspace;
 
 pub use browser::browsers;
+pub use gpu::lavapipe;
 pub use node::{NPM_LOCK, WasmOpt, node, wasm_opt};
 pub use python::python;
 pub use wasm::wasm_toolchain;
@@ -25,5 +27,6 @@ pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
     if with_browsers {
         steps.run("Chromium and chromedriver", browsers);
     }
+    steps.run("lavapipe", || lavapipe().map(drop));
     steps.finish()
 }
