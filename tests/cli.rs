@@ -493,6 +493,30 @@ fn bad_sources_are_told() {
 }
 
 #[test]
+#[cfg(not(feature = "gpu"))]
+fn a_gpu_needs_a_build_that_knows_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("kp.csv");
+    let told = tracklens(&[
+        "extract",
+        "--device",
+        "gpu",
+        "--checkpoint",
+        &checkpoint(),
+        "--frames",
+        &frames(),
+        "--out",
+        &out.to_string_lossy(),
+    ]);
+    assert_eq!(told.status.code(), Some(3));
+    assert!(
+        stderr(&told).contains("built without GPU support; build it with the feature `gpu`"),
+        "{}",
+        stderr(&told)
+    );
+}
+
+#[test]
 fn an_output_that_cannot_be_written_is_told() {
     let output = extract(&frames(), "/nowhere/at/all/kp.csv");
     assert_eq!(output.status.code(), Some(1));

@@ -6,10 +6,12 @@
 //!
 //! With `default-features = false` there is only [`metric`], with few and small dependencies. The other parts
 //! are features: `data` (tables, images, sequences, checkpoints), `engine` (CPU inference), `report` (results and
-//! figures), `model` and `train` (SAEs in burn), `cli`, `web`.
+//! figures), `model` and `train` (SAEs in burn), `gpu` (SAEs on the GPU), `cli`, `web`.
 
 #[cfg(any(feature = "cli", feature = "train"))]
 mod atomic;
+#[cfg(feature = "data")]
+pub mod device;
 pub mod error;
 pub mod event;
 pub mod metric;

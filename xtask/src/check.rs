@@ -40,6 +40,12 @@ pub fn run(workspace: &Workspace) -> Result<()> {
                 .args(DENY_WARNINGS))
         });
     }
+    // Beside the default features: alone it would have burn checked once more.
+    steps.run("clippy: tracklens with gpu", || {
+        run(native_clippy("tracklens")
+            .args(["--all-targets", "--features", "gpu"])
+            .args(DENY_WARNINGS))
+    });
     steps.run("clippy: tracklens for wasm", || {
         run(wasm_toolchain(workspace)?
             .cargo("clippy")

@@ -33,7 +33,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Install what the build needs and is missing: the wasm target, node, wasm-opt.
+    /// Install what the build and the tests need and is missing: the wasm target, node, wasm-opt, Mesa's lavapipe.
     Setup {
         /// Also what the tests of the page need: Chromium and chromedriver.
         #[arg(long)]
@@ -56,8 +56,8 @@ enum Task {
         #[arg(long)]
         open: bool,
     },
-    /// Run every test: unit, doc, golden, command line, npm package, the recorder of PandaPush,
-    /// sweeps on Slurm and GNU parallel, the page in headless Chromium.
+    /// Run every test: unit, doc, golden, command line, npm package, the GPU on Mesa's lavapipe, sweeps on Slurm and GNU
+    /// parallel, the recorder of PandaPush, the page in headless Chromium.
     Test {
         /// Leave out the tests of the page, which need Chromium and chromedriver.
         #[arg(long)]
@@ -68,6 +68,9 @@ enum Task {
         /// Leave out the sweeps on Slurm and GNU parallel, which need Linux and root.
         #[arg(long)]
         skip_cluster: bool,
+        /// Leave out the GPU, which builds burn once more and needs Mesa's lavapipe.
+        #[arg(long)]
+        skip_gpu: bool,
     },
     /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
@@ -109,12 +112,14 @@ fn perform(task: Task) -> Result<()> {
             skip_page,
             skip_recorder,
             skip_cluster,
+            skip_gpu,
         } => test::run(
             &workspace,
             &test::Skipped {
                 page: skip_page,
                 recorder: skip_recorder,
                 cluster: skip_cluster,
+                gpu: skip_gpu,
             },
         ),
         Task::Check => check::run(&workspace),

@@ -12,12 +12,14 @@ use crate::{package, run, setup, site};
 const PAGE_TESTS: &str = "the page in a browser";
 const CLUSTER: &str = "sweeps on Slurm and GNU parallel";
 const RECORDER: &str = "recorder of PandaPush";
+const GPU: &str = "gpu on lavapipe";
 
 /// What to leave out.
 pub struct Skipped {
     pub page: bool,
     pub recorder: bool,
     pub cluster: bool,
+    pub gpu: bool,
 }
 
 pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
@@ -49,6 +51,14 @@ pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
     } else {
         steps.blocked(CLUSTER);
     }
+    if skipped.gpu {
+        steps.skipped(GPU);
+    } else if let Some(driver) = steps.run("set-up: lavapipe", setup::lavapipe) {
+        steps.run(GPU, || gpu_tests(workspace, driver.as_deref()));
+    } else {
+        steps.blocked(GPU);
+    }
+
     if skipped.recorder {
         steps.skipped(RECORDER);
     } else if let Some(python) = steps.run("set-up: PyBullet", || recorder_python(workspace)) {
@@ -116,6 +126,26 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     cargo
         .args(["test", "--release", "--package=tracklens", "--test=recorder"])
         .env("TRACKLENS_RECORDED", &recording);
+    run::run(cargo.current_dir(workspace.root()))
+}
+
+/// Builds burn a second time, with its wgpu backend, beside the build that everything else uses.
+fn gpu_tests(workspace: &Workspace, driver: Option<&Path>) -> Result<()> {
+    let mut cargo = run::cargo();
+    cargo.args([
+        "test",
+        "--release",
+        "--no-fail-fast",
+        "--package=tracklens",
+        "--features=gpu",
+        "--test=gpu",
+    ]);
+    // The second name is what loaders before 1.3.207 know.
+    for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        if let Some(driver) = driver {
+            cargo.env(variable, driver);
+        }
+    }
     run::run(cargo.current_dir(workspace.root()))
 }
 

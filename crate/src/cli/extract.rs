@@ -13,6 +13,9 @@ use super::files::{self, TruthArguments};
 use super::score::ScoringArguments;
 use crate::atomic;
 use crate::data::{BLOCK, FrameSource, keypoints_csv};
+use crate::device::DeviceKind;
+#[cfg(not(feature = "gpu"))]
+use crate::device::built_without_gpu;
 use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
@@ -54,6 +57,9 @@ struct SourceArguments {
     frames: PathBuf,
     #[command(flatten)]
     reading: TruthArguments,
+    /// What computes; gpu needs a build with the feature `gpu`
+    #[arg(long, value_enum, default_value_t = DeviceKind::Cpu)]
+    device: DeviceKind,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -108,8 +114,8 @@ struct Extracted {
 
 impl SourceArguments {
     fn extract(&self, frames: &dyn FrameSource) -> Result<Extracted> {
-        let encoder = Encoder::new(&files::read_checkpoint(&self.checkpoint)?)
-            .map_err(|e| e.at(self.checkpoint.display()))?;
+        let checkpoint = files::read_checkpoint(&self.checkpoint)?;
+        let place = |e: Error| e.at(self.checkpoint.display());
         let cancel = cancel_on_interrupt()?;
         let bar = progress_bar(self.quiet);
         let threads = self.threads.map_or(0, NonZeroUsize::get);
@@ -118,7 +124,19 @@ impl SourceArguments {
             .build()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
         let report = |event: Event| show(&bar, &event);
-        let found = pool.install(|| extract_all(&encoder, frames, &report, &cancel))?;
+        let found = match self.device {
+            DeviceKind::Cpu => {
+                let encoder = Encoder::new(&checkpoint).map_err(place)?;
+                pool.install(|| extract_all(&encoder, frames, &report, &cancel))?
+            }
+            #[cfg(feature = "gpu")]
+            DeviceKind::Gpu => {
+                let extractor = super::gpu::extractor(&checkpoint).map_err(place)?;
+                pool.install(|| super::gpu::extract_all(&extractor, frames, &report, &cancel))?
+            }
+            #[cfg(not(feature = "gpu"))]
+            DeviceKind::Gpu => return Err(built_without_gpu()),
+        };
 
         let unreadable: Vec<&Error> = found.iter().filter_map(|f| f.as_ref().err()).collect();
         if let Some(first) = unreadable.first() {
@@ -141,12 +159,12 @@ impl SourceArguments {
             .zip(&found)
             .filter_map(|(key, found)| Some((key.clone(), found.as_ref().ok()?)))
             .unzip();
-        let points = Array3::from_shape_fn((good.len(), encoder.keypoints(), 2), |(t, n, axis)| {
+        let points = Array3::from_shape_fn((good.len(), checkpoint.config.keypoints, 2), |(t, n, axis)| {
             f64::from(good[t].points[n][axis])
         });
         let size = good.first().map(|g| g.image_size);
         let same = good.iter().all(|g| Some(g.image_size) == size);
-        if !same && encoder.config().input_size.is_none() {
+        if !same && checkpoint.config.input_size.is_none() {
             eprintln!("note: the frames are of different sizes and the checkpoint names no input size");
         }
         Ok(Extracted {

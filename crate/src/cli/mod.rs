@@ -2,8 +2,12 @@
 
 mod checkpoint;
 mod data;
+#[cfg(any(feature = "train", feature = "gpu"))]
+mod device;
 mod extract;
 mod files;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod score;
 #[cfg(feature = "train")]
 mod sweep;

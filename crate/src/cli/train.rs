@@ -7,9 +7,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::de::DeserializeOwned;
 
+use super::device::open_and_tell;
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::TruthArguments;
 use crate::checkpoint::SaeConfig;
+use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
@@ -82,6 +84,9 @@ pub(super) struct TrainArguments {
     resume: bool,
     #[command(flatten)]
     sizes: SizeArguments,
+    /// What computes; gpu needs a build with the feature `gpu`
+    #[arg(long, value_enum, default_value_t = DeviceKind::Cpu)]
+    device: DeviceKind,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -193,6 +198,7 @@ impl TrainArguments {
                 .velocity_weight
                 .unwrap_or(self.arch.architecture.velocity_weight()),
             first_layer: None,
+            device: self.device,
         }
     }
 }
@@ -200,6 +206,8 @@ impl TrainArguments {
 pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
     let mut config = arguments.config();
     config.validate()?;
+    // Before the long work: a GPU that is not there should not cost minutes.
+    open_and_tell(config.device)?;
     if let Some(threads) = arguments.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.get())

@@ -136,20 +136,21 @@ impl Encoder {
         for (layer, offsets) in self.layers.iter().zip(offsets) {
             size = layer.run(gemm, offsets, front, back, size)?;
         }
-        let keypoints: Vec<[f32; 2]> = front
-            .chunks_exact(size[0] * size[1])
-            .map(|map| soft_argmax(map, size[0], self.temperature))
-            .collect();
-        match keypoints
-            .iter()
-            .position(|point| point.iter().any(|v| !v.is_finite()))
-        {
-            Some(n) => Err(Error::numeric(format!(
-                "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged \
-                 training do"
-            ))),
-            None => Ok(keypoints),
-        }
+        finite(
+            front
+                .chunks_exact(size[0] * size[1])
+                .map(|map| soft_argmax(map, size[0], self.temperature))
+                .collect(),
+        )
+    }
+
+    /// Checks that an input of `[width, height]` is large enough for every layer.
+    ///
+    /// # Errors
+    /// Names the layer that it is too small for.
+    pub fn check_size(&self, size: [usize; 2]) -> Result<()> {
+        let after = |size, layer: &Layer| Ok(sides(&layer.shape, size)?.map(|(_, to)| to));
+        self.layers.iter().try_fold(size, after).map(drop)
     }
 
     /// Where latent points lie in an image of `[width, height]`.
@@ -204,13 +205,7 @@ impl Layer {
         back: &mut Vec<f32>,
         size: [usize; 2],
     ) -> Result<[usize; 2]> {
-        let sides = size.map(|side| (self.shape.convolved_side(side), self.shape.output_side(side)));
-        let [(Some(width), Some(to_width)), (Some(height), Some(to_height))] = sides else {
-            return Err(Error::input(format!(
-                "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
-                self.shape.name, size[0], size[1], self.shape.kernel, self.shape.kernel
-            )));
-        };
+        let [(width, to_width), (height, to_height)] = sides(&self.shape, size)?;
         let channels = self.conv.outputs();
         back.resize(channels * width * height, 0.0);
         self.conv.run(gemm, offsets, front, size, back, [width, height])?;
@@ -224,6 +219,33 @@ impl Layer {
             std::mem::swap(front, back);
         }
         Ok([to_width, to_height])
+    }
+}
+
+/// Width and height of what the convolution of a layer makes of an input of `size`, each with that of the whole layer.
+fn sides(layer: &ConvLayer, size: [usize; 2]) -> Result<[(usize, usize); 2]> {
+    match size.map(|side| layer.convolved_side(side).zip(layer.output_side(side))) {
+        [Some(width), Some(height)] => Ok([width, height]),
+        _ => Err(Error::input(format!(
+            "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
+            layer.name, size[0], size[1], layer.kernel, layer.kernel
+        ))),
+    }
+}
+
+/// `keypoints`, if they are finite numbers.
+///
+/// # Errors
+/// Names the first that is not.
+pub(crate) fn finite(keypoints: Vec<[f32; 2]>) -> Result<Vec<[f32; 2]>> {
+    match keypoints
+        .iter()
+        .position(|point| point.iter().any(|v| !v.is_finite()))
+    {
+        Some(n) => Err(Error::numeric(format!(
+            "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged training do"
+        ))),
+        None => Ok(keypoints),
     }
 }
 

@@ -10,4 +10,6 @@ mod encoder;
 mod pool;
 mod softargmax;
 
+#[cfg(feature = "model")]
+pub(crate) use encoder::finite;
 pub use encoder::{Encoder, LatentGrid, Workspace};

@@ -1,7 +1,13 @@
 //! Frames to keypoints, on whichever device.
 //!
 //! [`Extractor`] is the one interface: encoded bytes of a frame in, keypoints out. The terminal deals frames to
-//! threads with one extractor each, the page to a worker.
+//! threads with one extractor each or gives a GPU many at a time, the page deals them to a worker.
+
+#[cfg(feature = "model")]
+mod device;
+
+#[cfg(feature = "model")]
+pub use device::{DeviceExtractor, Prepared};
 
 use crate::checkpoint::Checkpoint;
 use crate::data::Frame;

@@ -31,29 +31,32 @@
 mod batch_norm;
 mod conv;
 mod decoder;
+mod device;
 mod encoder;
 mod init;
 mod kernels;
 mod softargmax;
 mod weights;
 
+pub use crate::device::Adapter;
 pub use batch_norm::BatchNorm;
 pub use conv::ConvBlock;
 pub use decoder::{BackgroundBias, Decoder, Dense, GaussianMaps};
+pub use device::{OpenDevice, open};
 pub use encoder::Encoder;
 pub use init::{fresh_weights, load_first_layer};
 pub use softargmax::spatial_softargmax;
 
 use std::collections::BTreeMap;
 
-use burn::prelude::{Device, Module, Tensor, TensorData};
+use burn::prelude::{Device, Module, Tensor};
 use burn::tensor::Gradients;
 use ndarray::Array3;
 
 #[cfg(doc)]
 use crate::checkpoint::ConvLayer;
 use crate::checkpoint::{self, Checkpoint, SaeConfig};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use weights::{Loader, collect};
 
 /// A spatial autoencoder: image to N points to image.
@@ -148,7 +151,7 @@ impl Sae {
 /// When the device does not give the values back.
 pub fn points_xy(latent: Tensor<3>) -> Result<Array3<f64>> {
     let [batch, points, _] = latent.dims();
-    let yx = host_values(latent.into_data())?;
+    let yx = host_values(latent)?;
     let values = yx
         .chunks_exact(2)
         .flat_map(|p| [f64::from(p[1]), f64::from(p[0])])
@@ -157,8 +160,11 @@ pub fn points_xy(latent: Tensor<3>) -> Result<Array3<f64>> {
         .map_err(|e| Error::numeric(format!("the device returned points of another shape: {e}")))
 }
 
-/// The f32 values of a tensor that was read back from a device.
-pub(crate) fn host_values(data: TensorData) -> Result<Vec<f32>> {
+/// The f32 values of a tensor, read back from its device.
+pub(crate) fn host_values<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>> {
+    let data = tensor
+        .try_into_data()
+        .map_err(|e| Error::new(ErrorKind::Io, format!("the device failed: {e}")))?;
     data.try_into_vec::<f32>()
         .map_err(|e| Error::numeric(format!("the device returned no f32 values: {e:?}")))
 }

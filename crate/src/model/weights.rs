@@ -185,7 +185,7 @@ impl ModuleVisitor for Collector<'_> {
             },
         };
         let shape = values.dims().to_vec();
-        match host_values(values.into_data()) {
+        match host_values(values) {
             Ok(data) => {
                 self.tensors.insert(name, checkpoint::Tensor { shape, data });
             }

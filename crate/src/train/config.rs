@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::SaeConfig;
 use crate::data::Split;
+use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 
 /// Everything that decides what a training computes.
@@ -38,6 +39,9 @@ pub struct TrainConfig {
     /// What the encoder's first convolution starts from; null: drawn as the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_layer: Option<FirstLayer>,
+    /// What computes; left out when it is the CPU. Devices round differently and so come to different weights.
+    #[serde(default, skip_serializing_if = "DeviceKind::is_cpu")]
+    pub device: DeviceKind,
 }
 
 /// The first convolution of another network, which training starts from. The weights themselves are given to
@@ -93,6 +97,7 @@ impl TrainConfig {
             validation_frames: ValidationFrames::First,
             target_filter: TargetFilter::Bilinear,
             first_layer: None,
+            device: DeviceKind::Cpu,
         }
     }
 

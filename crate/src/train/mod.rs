@@ -12,6 +12,8 @@ mod config;
 mod dataset;
 #[cfg(feature = "train")]
 mod events;
+#[cfg(feature = "train")]
+mod optimizer;
 mod record;
 #[cfg(feature = "train")]
 mod run;

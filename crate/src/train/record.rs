@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::TrainConfig;
+use crate::device::Adapter;
 use crate::error::Error;
 use crate::report::EvaluationReport;
 
@@ -50,6 +51,9 @@ pub struct RunConfig {
     pub target: String,
     /// Threads of the training.
     pub threads: usize,
+    /// The GPU; left out on the CPU.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adapter: Option<Adapter>,
     /// How it trained.
     #[serde(flatten)]
     pub train: TrainConfig,

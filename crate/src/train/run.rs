@@ -24,6 +24,7 @@ use crate::atomic;
 use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
+use crate::model::{OpenDevice, open};
 use crate::report::EvaluationReport;
 
 const BEST: &str = "checkpoint_best.safetensors";
@@ -48,7 +49,9 @@ pub struct RunOptions {
 }
 
 /// What a resumed run may change without computing something else than an uninterrupted one.
-const MAY_CHANGE: [&str; 6] = ["version", "git_hash", "burn", "target", "threads", "epochs"];
+const MAY_CHANGE: [&str; 7] = [
+    "version", "git_hash", "burn", "target", "threads", "adapter", "epochs",
+];
 
 /// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch), `checkpoint_best.safetensors`
 /// and `checkpoint_final.safetensors` (every epoch anew), `state.safetensors` (what a resumed run starts from) and
@@ -56,10 +59,11 @@ const MAY_CHANGE: [&str; 6] = ["version", "git_hash", "burn", "target", "threads
 /// to the same weights as one that was never interrupted, bit by bit, on the same machine with the same number of threads.
 ///
 /// `weights` are what an untrained SAE starts from, of the configuration in `config` with the data set's input size. When
-/// cancelled, the summary says so, and everything of the last whole epoch is kept.
+/// cancelled, the summary says so, and everything of the last whole epoch is kept. It runs on the configured device; a GPU
+/// does not promise the same weights bit by bit.
 ///
 /// # Errors
-/// When the configuration or the data set does not allow training, the folder holds a run already (or, resuming, another
+/// When the configuration or the data set does not allow training, the device is not there, the folder holds a run already (or, resuming, another
 /// one) or cannot be written, or the loss is not finite (with the epoch and what to try).
 pub fn train(
     config: &TrainConfig,
@@ -91,12 +95,14 @@ pub fn train(
         )));
     }
     let names = |part: &[&'_ Sequence]| part.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    let OpenDevice { device, adapter } = open(config.device)?;
     let run = RunConfig {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         git_hash: option_env!("TRACKLENS_GIT_HASH").map(str::to_owned),
         burn: "0.22.1".to_owned(),
         target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
         threads: rayon::current_num_threads(),
+        adapter,
         train: config.clone(),
         input_size: dataset.input_size,
         objects: dataset.objects.clone(),
@@ -106,11 +112,11 @@ pub fn train(
     let mut folder = RunFolder::open(out, options, &run, config)?;
     let mut trainer = match folder.resumed.take() {
         Some((weights, optimizer)) => {
-            let mut trainer = Trainer::new(&weights, config.learning_rate)?;
+            let mut trainer = Trainer::on(&device, &weights, config.learning_rate)?;
             trainer.load_optimizer(optimizer)?;
             trainer
         }
-        None => Trainer::new(weights, config.learning_rate)?,
+        None => Trainer::on(&device, weights, config.learning_rate)?,
     }
     .with_velocity_weight(config.velocity_weight);
     let validation = Validation::new(validation, config);

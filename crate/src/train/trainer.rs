@@ -2,17 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::prelude::{Device, Module, Tensor, TensorData};
 use burn::tensor::Bytes;
 
+use super::optimizer::adam;
 use super::{Losses, SNIPPET};
 use crate::checkpoint::{self, Checkpoint, SaeConfig};
 use crate::error::{Error, Result};
 use crate::model::{Sae, SaeOutput, host_values};
-
-/// PyTorch's default; burn's is 1e-5, which is far from negligible against the small gradients here.
-const ADAM_EPSILON: f32 = 1e-8;
 
 /// An SAE with its optimizer.
 pub struct Trainer {
@@ -21,6 +19,7 @@ pub struct Trainer {
     optimizer: ModuleOptimizer,
     learning_rate: f64,
     velocity_weight: f64,
+    /// Without autodiff.
     device: Device,
 }
 
@@ -31,14 +30,21 @@ impl Trainer {
     /// # Errors
     /// As [`Sae::from_checkpoint`].
     pub fn new(checkpoint: &Checkpoint, learning_rate: f64) -> Result<Self> {
-        let device = Device::flex().autodiff();
+        Self::on(&Device::flex(), checkpoint, learning_rate)
+    }
+
+    /// The same on any device of burn.
+    ///
+    /// # Errors
+    /// As [`Sae::from_checkpoint`].
+    pub fn on(device: &Device, checkpoint: &Checkpoint, learning_rate: f64) -> Result<Self> {
         Ok(Self {
             velocity_weight: checkpoint.config.architecture.velocity_weight(),
             config: checkpoint.config.clone(),
-            sae: Sae::from_checkpoint(checkpoint, &device)?,
-            optimizer: AdamConfig::new().with_epsilon(ADAM_EPSILON).init(),
+            sae: Sae::from_checkpoint(checkpoint, &device.clone().autodiff())?,
+            optimizer: adam(),
             learning_rate,
-            device,
+            device: device.clone(),
         })
     }
 
@@ -71,8 +77,7 @@ impl Trainer {
     /// # Errors
     /// When the bytes are damaged.
     pub fn load_optimizer(&mut self, bytes: Vec<u8>) -> Result<()> {
-        let optimizer = AdamConfig::new().with_epsilon(ADAM_EPSILON).init();
-        self.optimizer = optimizer
+        self.optimizer = adam()
             .from_bytes(Bytes::from_bytes_vec(bytes))
             .map_err(|e| Error::input(format!("the state of the optimizer is damaged: {e:?}")))?;
         Ok(())
@@ -87,8 +92,9 @@ impl Trainer {
     /// # Errors
     /// When the number of values does not fit, or the loss is not finite (the weights are not changed then).
     pub fn step(&mut self, inputs: Vec<f32>, targets: Vec<f32>, input_size: [usize; 2]) -> Result<Losses> {
-        let inputs = images(inputs, input_size, &self.device)?;
-        let targets = images(targets, self.config.target_size, &self.device)?;
+        let device = self.device.clone().autodiff();
+        let inputs = images(inputs, input_size, &device)?;
+        let targets = images(targets, self.config.target_size, &device)?;
         let (loss, losses) = self.losses(&self.sae.forward(inputs), targets)?;
         if !losses.total.is_finite() {
             return Err(Error::numeric(self.diagnose(&losses)));
@@ -111,8 +117,9 @@ impl Trainer {
         targets: Vec<f32>,
         input_size: [usize; 2],
     ) -> Result<BTreeMap<String, checkpoint::Tensor>> {
-        let inputs = images(inputs, input_size, &self.device)?;
-        let targets = images(targets, self.config.target_size, &self.device)?;
+        let device = self.device.clone().autodiff();
+        let inputs = images(inputs, input_size, &device)?;
+        let targets = images(targets, self.config.target_size, &device)?;
         let (loss, _) = self.losses(&self.sae.forward(inputs), targets)?;
         self.sae.gradients(&loss.backward(), &self.config)
     }
@@ -141,12 +148,11 @@ impl Trainer {
         targets: Vec<f32>,
         input_size: [usize; 2],
     ) -> Result<(SaeOutput, Vec<f64>)> {
-        let device = Device::flex();
-        let output = sae.forward(images(inputs, input_size, &device)?);
-        let targets = images(targets, self.config.target_size, &device)?;
+        let output = sae.forward(images(inputs, input_size, &self.device)?);
+        let targets = images(targets, self.config.target_size, &self.device)?;
         let [frames, ..] = targets.dims();
         let difference = (output.reconstruction.clone() - targets).square();
-        let losses = host_values(difference.reshape([frames as i32, -1]).mean_dim(1).into_data())?;
+        let losses = host_values::<2>(difference.reshape([frames as i32, -1]).mean_dim(1))?;
         Ok((output, losses.into_iter().map(f64::from).collect()))
     }
 
@@ -190,11 +196,14 @@ impl Trainer {
         } else {
             reconstruction.clone()
         };
-        let value = |t: &Tensor<1>| f64::from(t.clone().into_scalar::<f32>());
+        // One read for all: each of them waits for the device.
+        let parts = [total.clone(), reconstruction, velocity].map(Tensor::inner);
+        let values = host_values(Tensor::cat(parts.into(), 0))?;
+        let [total_value, reconstruction, velocity] = [0, 1, 2].map(|i| f64::from(values[i]));
         let losses = Losses {
-            total: value(&total),
-            reconstruction: value(&reconstruction),
-            velocity: value(&velocity),
+            total: total_value,
+            reconstruction,
+            velocity,
         };
         Ok((total, losses))
     }

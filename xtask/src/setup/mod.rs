@@ -2,6 +2,7 @@
 
 mod browser;
 mod cluster;
+mod gpu;
 mod install;
 mod node;
 mod python;
@@ -14,6 +15,7 @@ use crate::workspace::Workspace;
 
 pub use browser::browsers;
 pub use cluster::cluster;
+pub use gpu::lavapipe;
 pub use node::{NPM_LOCK, WasmOpt, node, wasm_opt};
 pub use python::python;
 pub use wasm::wasm_toolchain;
@@ -27,5 +29,6 @@ pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
     if with_browsers {
         steps.run("Chromium and chromedriver", browsers);
     }
+    steps.run("lavapipe", || lavapipe().map(drop));
     steps.finish()
 }

@@ -24,7 +24,10 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
 use burn::backend::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{Autodiff, AutodiffBackend, Backend, Dispatch, Flex, TensorMetadata, backend_extension};
+use burn::backend::{
+    Autodiff, AutodiffBackend, Backend, Dispatch, Flex, TensorMetadata, backend_extension,
+    get_or_init_device_settings,
+};
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
 use burn::prelude::{Tensor, TensorData};
@@ -134,7 +137,7 @@ pub(super) fn upsample(input: Tensor<4>) -> Tensor<4> {
 }
 
 /// The layers on a backend; the bodies are burn's own operations.
-#[backend_extension(Flex, Autodiff)]
+#[backend_extension(Flex, Cube: cfg(feature = "gpu"), Autodiff)]
 trait Layers: Backend {
     fn convolve(
         input: FloatTensor<Self>,
@@ -212,15 +215,10 @@ trait LayerGradients: Backend {
 
     fn pool_gradient(input: FloatTensor<Self>, gradient: FloatTensor<Self>) -> FloatTensor<Self> {
         let [kernel, stride, border] = [[2, 2], [2, 2], [1, 1]];
-        let pooled = Self::max_pool2d_with_indices(
-            input.clone(),
-            kernel,
-            stride,
-            border,
-            [1, 1],
-            false,
-            burn::tensor::IntDType::I64,
-        );
+        // GPUs have no i64.
+        let indices = get_or_init_device_settings::<Self>(&input.device()).int_dtype;
+        let pooled =
+            Self::max_pool2d_with_indices(input.clone(), kernel, stride, border, [1, 1], false, indices);
         Self::max_pool2d_with_indices_backward(
             input,
             kernel,
@@ -235,8 +233,16 @@ trait LayerGradients: Backend {
     }
 
     fn enlarge_gradient(input: FloatTensor<Self>, gradient: FloatTensor<Self>) -> FloatTensor<Self> {
+        // burn has no gradient of a bilinear interpolation on GPUs. Rows and columns are enlarged by a matrix each, so the
+        // gradient takes their transposes.
         let [_, _, height, width] = input.shape().dims();
-        Self::interpolate_backward(input, gradient, [2 * height, 2 * width], bilinear())
+        let device = input.device();
+        let weights = |length: usize| {
+            let shape = [1, 1, length, 2 * length];
+            Self::float_from_data(TensorData::new(upsample::transpose(length), shape), &device)
+        };
+        let rows = Self::float_matmul(weights(height), gradient);
+        Self::float_matmul(rows, Self::float_swap_dims(weights(width), 2, 3))
     }
 }
 
@@ -296,6 +302,12 @@ impl Layers for Flex {
         )
     }
 }
+
+#[cfg(feature = "gpu")]
+impl Layers for burn::backend::Cube {}
+
+#[cfg(feature = "gpu")]
+impl LayerGradients for burn::backend::Cube {}
 
 impl LayerGradients for Flex {
     fn convolve_input_gradient(

@@ -387,3 +387,25 @@ fn what_is_not_a_number_stays_one() {
     assert!(normalized[..16].iter().all(|v| v.is_nan()));
     assert!(normalized[16..].iter().all(|v| v.is_finite()));
 }
+
+#[test]
+fn the_matrices_of_the_upsampling_give_its_gradient() {
+    let [height, width] = [3, 5];
+    let gradient = noise(4, 4 * height * width);
+    let [rows, columns] = [height, width].map(super::upsample::transpose);
+    let ours = super::upsample::gradient(&gradient, [height, width]);
+    for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        let sum: f64 = (0..2 * height)
+            .flat_map(|i| (0..2 * width).map(move |j| (i, j)))
+            .map(|(i, j)| {
+                let weight = rows[y * 2 * height + i] * columns[x * 2 * width + j];
+                f64::from(weight) * f64::from(gradient[i * 2 * width + j])
+            })
+            .sum();
+        // Sixteen products of at most 9/16, in two sums.
+        assert!(
+            (f64::from(ours[y * width + x]) - sum).abs() < 16.0 * UNIT * 4.0,
+            "({x}, {y})"
+        );
+    }
+}

@@ -10,6 +10,18 @@ use super::buffer::{Output, Scratch, vectorised};
 const NEAR: f32 = 0.75;
 const FAR: f32 = 0.25;
 
+/// The transpose of the matrix that enlarges an axis: length x (2 length).
+pub(super) fn transpose(length: usize) -> Vec<f32> {
+    let mut weights = vec![0.0; length * 2 * length];
+    for enlarged in 0..2 * length {
+        let (near, odd) = (enlarged / 2, enlarged % 2);
+        let far = (near + odd).saturating_sub(1 - odd).min(length - 1);
+        weights[near * 2 * length + enlarged] += NEAR;
+        weights[far * 2 * length + enlarged] += FAR;
+    }
+    weights
+}
+
 /// Maps of twice the height and width.
 pub(super) fn upsample(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
     let mut output = Output::new(4 * input.len());
