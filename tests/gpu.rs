@@ -193,6 +193,26 @@ fn a_missing_gpu_is_told() {
         "{stderr}"
     );
     assert!(!out.exists());
+
+    let [checkpoint, frames] = ["golden/dsae-tiny.safetensors", "data/panda_push"].map(path);
+    let (checkpoint, frames, out) = (text(&checkpoint), text(&frames), text(&out));
+    let extract = [
+        "extract",
+        "--checkpoint",
+        checkpoint,
+        "--frames",
+        frames,
+        "--out",
+        out,
+        "--device",
+        "gpu",
+    ];
+    let output = without_gpu(tracklens(&extract), folder.path())
+        .output()
+        .expect("tracklens starts");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{stderr}");
+    assert!(stderr.contains("tracklens: no GPU found"), "{stderr}");
 }
 
 #[test]

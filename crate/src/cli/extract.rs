@@ -9,7 +9,11 @@ use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use ndarray::Array3;
 use rayon::prelude::*;
 
+#[cfg(feature = "gpu")]
+use super::device::open_and_tell;
 use super::files::{self, TruthArguments};
+#[cfg(feature = "gpu")]
+use super::gpu;
 use super::score::ScoringArguments;
 use crate::atomic;
 use crate::data::{BLOCK, FrameSource, keypoints_csv};
@@ -19,6 +23,8 @@ use crate::device::built_without_gpu;
 use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
+#[cfg(feature = "gpu")]
+use crate::extract::DeviceExtractor;
 use crate::extract::{CpuExtractor, Extraction, Extractor as _};
 use crate::track::KeypointTrack;
 
@@ -131,8 +137,9 @@ impl SourceArguments {
             }
             #[cfg(feature = "gpu")]
             DeviceKind::Gpu => {
-                let extractor = super::gpu::extractor(&checkpoint).map_err(place)?;
-                pool.install(|| super::gpu::extract_all(&extractor, frames, &report, &cancel))?
+                let device = open_and_tell(self.device)?.device;
+                let extractor = DeviceExtractor::new(&checkpoint, &device).map_err(place)?;
+                pool.install(|| gpu::extract_all(&extractor, frames, &report, &cancel))?
             }
             #[cfg(not(feature = "gpu"))]
             DeviceKind::Gpu => return Err(built_without_gpu()),

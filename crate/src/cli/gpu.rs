@@ -4,10 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::device::open_and_tell;
-use crate::checkpoint::Checkpoint;
 use crate::data::FrameSource;
-use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::event::{Cancel, Event};
 use crate::extract::{DeviceExtractor, Extraction, Prepared};
@@ -15,10 +12,6 @@ use crate::track::FrameKey;
 
 /// Frames that go through the encoder together.
 const BATCH: usize = 16;
-
-pub(super) fn extractor(checkpoint: &Checkpoint) -> Result<DeviceExtractor> {
-    DeviceExtractor::new(checkpoint, &open_and_tell(DeviceKind::Gpu)?.device)
-}
 
 /// Extracts every frame; the results are in order. The threads of the current pool read and resize a batch while the GPU
 /// computes the one before.
