@@ -32,6 +32,7 @@ mod evaluation;
 mod map;
 mod moments;
 mod sequences;
+pub mod stats;
 
 pub use accumulator::{Accumulator, NonFinite};
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};

@@ -8,6 +8,7 @@ use fastrand::Rng;
 use super::evaluation::{Object, Settings};
 use super::map::AffineMap;
 use super::moments::{Moments, PairMoments};
+use super::stats::percentile_interval;
 use crate::error::{Error, Result};
 
 /// The metric with maps and best keypoints that were chosen on other sequences than they are scored on.
@@ -209,21 +210,13 @@ pub fn bootstrap(
     Ok(Intervals {
         level,
         resamples,
-        tracking_capability: percentiles(&mut capabilities, level),
+        tracking_capability: percentile_interval(&capabilities, level)?,
         errors: errors
             .into_iter()
-            .map(|mut errors| (errors.len() == resamples).then(|| percentiles(&mut errors, level)))
-            .collect(),
-    })
-}
-
-/// The two percentiles with `level` between them, by linear interpolation (numpy's default). `values` is not empty.
-fn percentiles(values: &mut [f64], level: f64) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
-    [(1.0 - level) / 2.0, f64::midpoint(1.0, level)].map(|share| {
-        let place = share * (values.len() - 1) as f64;
-        let below = place.floor();
-        let (low, high) = (values[below as usize], values[place.ceil() as usize]);
-        low + (high - low) * (place - below)
+            .map(|errors| {
+                let all = errors.len() == resamples;
+                all.then(|| percentile_interval(&errors, level)).transpose()
+            })
+            .collect::<Result<_>>()?,
     })
 }
