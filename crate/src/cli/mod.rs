@@ -8,6 +8,7 @@ mod extract;
 mod files;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod report;
 mod score;
 #[cfg(feature = "train")]
 mod sweep;
@@ -52,6 +53,8 @@ enum Command {
     /// Train a spatial autoencoder on image sequences.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArguments>),
+    /// Tables and figures of many runs.
+    Report(report::ReportArguments),
     /// Train many runs: plan, run here or on a cluster, see how far they are.
     #[cfg(feature = "train")]
     #[command(subcommand)]
@@ -71,6 +74,7 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => checkpoint::export(&arguments),
         #[cfg(feature = "train")]
         Command::Train(arguments) => train::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         #[cfg(feature = "train")]
         Command::Sweep(command) => sweep::run(&command),
     };

@@ -70,7 +70,7 @@ pub(super) struct ScoringArguments {
     csv: bool,
 }
 
-fn parse_threshold(text: &str) -> Result<(String, f64)> {
+pub(super) fn parse_threshold(text: &str) -> Result<(String, f64)> {
     let wrong = || {
         Error::input(format!(
             "`{text}` is no threshold; expected NAME=VALUE, e.g. cube=0.015"
