@@ -132,7 +132,7 @@ function describe(session, component, colors, fontSize) {
   const series = session.series(selection.object);
   const sequence = session.sequenceOf(selection.frame);
   if (!evaluation || !series || !sequence) return null;
-  const keypoint = evaluation.objects[selection.object].best_keypoint;
+  const keypoint = session.keypointOf(selection.object);
   const { start, at } = axisOf(session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length));
   const length = at[at.length - 1] + 1;
   const line = (/** @type {string} */ label, /** @type {string} */ color, /** @type {Float64Array} */ points) => {

@@ -105,6 +105,8 @@ export class Session extends EventTarget {
   frameNumbers = new Float64Array();
   /** Object and joined frame on display. */
   selection = { object: 0, frame: 0 };
+  /** Keypoints the user looks at in place of the best ones, by object. @type {Map<number, number>} */
+  #chosen = new Map();
 
   #extractor;
   /** Changes are made one after the other. @type {Promise<void>} */
@@ -345,6 +347,27 @@ export class Session extends EventTarget {
     this.#emit("selection");
   }
 
+  /**
+   * The keypoint on display for an object: the chosen one, otherwise the best; `null` when it is visible in no frame.
+   * @param {number} object
+   */
+  keypointOf(object) {
+    const best = this.evaluation?.objects[object]?.best_keypoint ?? null;
+    return best === null ? null : (this.#chosen.get(object) ?? best);
+  }
+
+  /**
+   * Shows an object with a keypoint other than its best one.
+   * @param {number} object
+   * @param {number | null} keypoint `null` for the best one
+   */
+  choose(object, keypoint) {
+    if (keypoint === null) this.#chosen.delete(object);
+    else this.#chosen.set(object, keypoint);
+    this.selection = { ...this.selection, object };
+    this.#emit("selection");
+  }
+
   /** Width and height of the images, when it is known and the same for all. */
   get imageSize() {
     return this.#sizes.length === 1 ? this.#sizes[0] : null;
@@ -378,12 +401,12 @@ export class Session extends EventTarget {
   }
 
   /**
-   * The points of an object and its best keypoint, all in ndc; `null` when it has none.
+   * The points of an object and its keypoint on display, all in ndc; `null` when it has none.
    * @param {number} object
    */
   series(object) {
-    const keypoint = this.evaluation?.objects[object]?.best_keypoint;
-    if (!this.scoring || keypoint === null || keypoint === undefined) return null;
+    const keypoint = this.keypointOf(object);
+    if (!this.scoring || keypoint === null) return null;
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
     if (!series) {
@@ -741,6 +764,7 @@ export class Session extends EventTarget {
     this.frameNumbers = new Float64Array();
     this.#pictures = [];
     this.#sizes = [];
+    this.#chosen.clear();
     this.#series.clear();
   }
 
