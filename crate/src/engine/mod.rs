@@ -21,7 +21,8 @@ mod simd;
 mod softargmax;
 mod winograd;
 
+pub use crate::checkpoint::LatentGrid;
 #[cfg(feature = "model")]
 pub(crate) use encoder::finite;
-pub use encoder::{Encoder, LatentGrid, Workspace};
+pub use encoder::{Encoder, Workspace};
 pub use layer::PlannedLayer;

@@ -1,5 +1,8 @@
 //! A site, a driver and a browser for one test.
 
+// Every file of tests is a program of its own and uses a part of this.
+#![allow(dead_code)]
+
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -76,6 +79,11 @@ async fn serve(site: PathBuf) -> String {
 impl Page {
     /// Opens the page and waits until it is ready.
     pub async fn open() -> Self {
+        Self::open_with("").await
+    }
+
+    /// Opens the page after a script that changes what it finds in its browser.
+    pub async fn open_with(script: &str) -> Self {
         let origin = serve(site()).await;
         let port = TcpListener::bind("127.0.0.1:0")
             .and_then(|l| l.local_addr())
@@ -118,7 +126,7 @@ impl Page {
             chromedriver,
             _profile: profile,
         };
-        let watch = json!({ "source": WATCH });
+        let watch = json!({ "source": format!("{WATCH}\n{script}") });
         page.driver
             .cdp()
             .send_raw("Page.addScriptToEvaluateOnNewDocument", watch)
