@@ -8,7 +8,7 @@ use super::layer::{Layer, PlannedLayer};
 use super::map::Map;
 use super::softargmax::SoftArgmax;
 use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig, TEMPERATURE};
-use crate::data::{Filter, Frame};
+use crate::data::{Filter, Frame, Pixels};
 use crate::error::{Error, Result};
 
 /// An encoder ready to run on the CPU: images in, keypoints out.
@@ -75,15 +75,14 @@ impl Encoder {
     /// # Errors
     /// As [`Encoder::run`].
     pub fn extract(&self, workspace: &mut Workspace, frame: &Frame) -> Result<Vec<[f32; 2]>> {
-        let size = self
-            .config
-            .input_size
-            .unwrap_or([frame.width() as usize, frame.height() as usize]);
-        self.run(
-            workspace,
-            &frame.to_planar(Some(size), Filter::BilinearAntialias),
-            size,
-        )
+        let own = [frame.width() as usize, frame.height() as usize];
+        match self.config.input_size {
+            Some(size) if size != own => {
+                let planes = frame.to_planar(Some(size), Filter::BilinearAntialias);
+                self.run(workspace, &planes, size)
+            }
+            _ => self.points(workspace, Input::Pixels(frame.pixels()), own),
+        }
     }
 
     /// The keypoints of an input of 3 x height x width values in [0, 1] with `size` = `[width, height]`.
@@ -100,6 +99,10 @@ impl Encoder {
                 size[1]
             )));
         }
+        self.points(workspace, Input::Planes(input), size)
+    }
+
+    fn points(&self, workspace: &mut Workspace, input: Input, size: [usize; 2]) -> Result<Vec<[f32; 2]>> {
         let map = self.maps(workspace, input, size, false)?;
         let mut points = vec![[0.0; 2]; self.keypoints()];
         SoftArgmax {
@@ -114,12 +117,12 @@ impl Encoder {
     }
 
     /// Leaves the last feature map in the front of the workspace; `checked` looks for activations that overflow.
-    fn maps(&self, workspace: &mut Workspace, input: &[f32], size: [usize; 2], checked: bool) -> Result<Map> {
+    fn maps(&self, workspace: &mut Workspace, input: Input, size: [usize; 2], checked: bool) -> Result<Map> {
         let Workspace { front, back, scratch } = workspace;
         let mut sizes = self.layers[0].sizes(size)?;
         let (mut map, len) = self.layers[0].input(&sizes);
         front.grow(len)?;
-        interleave(input, front, map);
+        input.write(front, map);
         for (i, layer) in self.layers.iter().enumerate() {
             let (next, to, len) = match self.layers.get(i + 1) {
                 Some(following) => {
@@ -177,16 +180,38 @@ impl Encoder {
     }
 }
 
-/// Planes of red, green and blue as cells of three channels, framed by zeros.
-fn interleave(planes: &[f32], to: &mut [f32], map: Map) {
-    map.clear_frame(to);
-    let [width, height] = map.size;
-    for row in 0..height {
-        let start = map.at(0, row);
-        let cells = &mut to[start..start + 3 * width];
-        let [red, green, blue] = [0, 1, 2].map(|plane| &planes[(plane * height + row) * width..][..width]);
-        for (((cell, r), g), b) in cells.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
-            cell.copy_from_slice(&[*r, *g, *b]);
+/// What goes into the first layer.
+#[derive(Clone, Copy)]
+enum Input<'a> {
+    /// 3 x height x width in [0, 1].
+    Planes(&'a [f32]),
+    Pixels(&'a Pixels),
+}
+
+impl Input<'_> {
+    /// Writes it as cells of three channels, framed by zeros.
+    fn write(self, to: &mut [f32], map: Map) {
+        map.clear_frame(to);
+        let [width, height] = map.size;
+        for row in 0..height {
+            let start = map.at(0, row);
+            let cells = &mut to[start..start + 3 * width];
+            let pixels = 3 * width * row..3 * width * (row + 1);
+            match self {
+                Self::Planes(planes) => {
+                    let [red, green, blue] =
+                        [0, 1, 2].map(|plane| &planes[(plane * height + row) * width..][..width]);
+                    for (((cell, r), g), b) in cells.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
+                        cell.copy_from_slice(&[*r, *g, *b]);
+                    }
+                }
+                Self::Pixels(Pixels::Bytes(bytes)) => {
+                    for (cell, byte) in cells.iter_mut().zip(&bytes[pixels]) {
+                        *cell = f32::from(*byte) / 255.0;
+                    }
+                }
+                Self::Pixels(Pixels::Floats(floats)) => cells.copy_from_slice(&floats[pixels]),
+            }
         }
     }
 }

@@ -39,7 +39,7 @@ enum Kernel {
 }
 
 /// How a layer is computed, see [`Encoder::plan`](super::Encoder::plan).
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct PlannedLayer {
     /// The name of the convolution in the state dict.
     pub name: String,
