@@ -98,7 +98,7 @@ impl Direct<'_> {
                     if r < cells {
                         for (i, sum) in sums.iter().enumerate() {
                             let to = output.add(r * self.to.channels + i * lanes);
-                            ops.store_ptr(larger(isa, *sum, floor), to);
+                            ops.store_ptr(larger(isa, floor, *sum), to);
                         }
                     }
                 }

@@ -44,12 +44,12 @@ impl SimdOp for MaxPool<'_> {
                         for row in rows.clone() {
                             for column in columns.clone() {
                                 let cell = self.input.as_ptr().add(self.from.at(column, row) + channel);
-                                value = larger(isa, ops.load_ptr(cell), value);
+                                value = larger(isa, value, ops.load_ptr(cell));
                             }
                         }
                         let scale = ops.load_ptr(scale.as_ptr().add(channel));
                         let bias = ops.load_ptr(self.epilogue.bias.as_ptr().add(channel));
-                        let value = larger(isa, ops.mul_add(scale, value, bias), floor);
+                        let value = larger(isa, floor, ops.mul_add(scale, value, bias));
                         let to = self.output.as_mut_ptr().add(self.to.at(column, row) + channel);
                         ops.store_ptr(value, to);
                     }

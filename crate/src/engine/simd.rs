@@ -1,18 +1,13 @@
 //! What the kernels share.
 
 use rten_simd::Isa;
-#[cfg(target_arch = "wasm32")]
-use rten_simd::ops::BitOps;
-use rten_simd::ops::NumOps;
+use rten_simd::ops::{BitOps, NumOps};
 
-/// The larger of `value` and `floor`.
+/// The larger of `a` and `b`; a NaN in `b` stays, so that a ReLU with `b` as its input hides none.
 ///
-/// In wasm `f32x4.max` promises what happens to a NaN, which costs browsers on x86 several instructions.
+/// Maximum instructions differ in what becomes of a NaN, and wasm's costs browsers on x86 more than this.
 #[inline(always)]
-pub(super) fn larger<I: Isa>(isa: I, value: I::F32, floor: I::F32) -> I::F32 {
+pub(super) fn larger<I: Isa>(isa: I, a: I::F32, b: I::F32) -> I::F32 {
     let ops = isa.f32();
-    #[cfg(target_arch = "wasm32")]
-    return ops.select(value, floor, ops.gt(value, floor));
-    #[cfg(not(target_arch = "wasm32"))]
-    ops.max(value, floor)
+    ops.select(a, b, ops.gt(a, b))
 }

@@ -369,7 +369,7 @@ impl Winograd<'_> {
                                         larger(isa, pair[0], pair[1])
                                     });
                                     let value = larger(isa, pairs[0], pairs[1]);
-                                    let value = larger(isa, ops.mul_add(scale, value, bias), floor);
+                                    let value = larger(isa, floor, ops.mul_add(scale, value, bias));
                                     let to = self.output.as_mut_ptr();
                                     ops.store_ptr(value, to.add(self.to.at(at[0], at[1]) + channel));
                                 }
@@ -381,7 +381,7 @@ impl Winograd<'_> {
                         for (row, cells) in cells.iter().enumerate() {
                             for (column, cell) in cells.iter().enumerate() {
                                 if whole || (row < held[1] && column < held[0]) {
-                                    let value = larger(isa, ops.add(*cell, bias), floor);
+                                    let value = larger(isa, floor, ops.add(*cell, bias));
                                     let to = to.add(row * self.to.pitch() + column * self.to.channels);
                                     ops.store_ptr(value, to);
                                 }
