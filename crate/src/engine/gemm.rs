@@ -129,6 +129,16 @@ pub(super) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
         }
     };
     let mut k = 0;
+    if cfg!(target_arch = "wasm32") {
+        // The compiler unrolls a loop whose count it can tell, and then gathers the operands of several steps, which are
+        // too many for the registers of a browser.
+        let one = std::hint::black_box(1);
+        while k != steps {
+            step(k);
+            k += one;
+        }
+        return;
+    }
     while k + 4 <= steps {
         step(k);
         step(k + 1);
