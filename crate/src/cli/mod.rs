@@ -14,6 +14,7 @@ mod score;
 mod sweep;
 #[cfg(feature = "train")]
 mod train;
+mod trajectories;
 
 use std::process::ExitCode;
 

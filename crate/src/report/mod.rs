@@ -3,15 +3,29 @@
 mod evaluation;
 mod figure;
 mod measured;
-#[cfg(feature = "cli")]
+mod page;
 mod plots;
+mod reference;
 mod runs;
+mod runs_page;
+mod runs_report;
+mod tables;
+mod trajectories;
 
 pub use evaluation::{
     EvaluationReport, HeldOutObjectReport, HeldOutReport, IntervalReport, IntervalsReport, JoinReport,
     MapReport, ObjectReport, Unmatched,
 };
 pub use figure::{Color, LineFigure, LineSeries, draw_lines, lines_to_svg};
-#[cfg(feature = "cli")]
 pub use plots::{Figure, figures};
-pub use runs::{Group, GroupReport, ImprovementReport, ObjectRunsReport, Run, RunReport, Runs, RunsReport};
+pub use reference::{
+    Claim, ClaimReport, Comparison, Pair, Reference, ReferenceNumbers, ReferenceReport, ReferenceRow,
+    Statistic,
+};
+pub use runs::{DataSet, Group, Grouping, Run, RunFiles, Runs, Unread, data_sets};
+pub use runs_page::runs_page;
+pub use runs_report::{
+    GroupReport, ImprovementReport, IncompleteRun, ObjectRunsReport, RunReport, RunsReport,
+};
+pub use tables::{errors_csv, runs_csv, runs_markdown};
+pub use trajectories::{Path, Scene, trajectories};

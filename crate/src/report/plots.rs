@@ -16,12 +16,15 @@ use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::measured::Measured;
-use super::runs::{Group, Runs, RunsReport, error};
+use super::runs::{Group, Run, Runs, error};
+use super::runs_report::{GroupReport, RunsReport};
 use crate::error::{Error, Result};
 use crate::metric::stats::{Sample, performance_profile, smooth};
 
 /// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix, "Evaluation").
 const SMOOTHING: f64 = 2.5;
+/// Of fewer runs than this a box plot shows every one: quartiles of so few say little.
+const FEW: usize = 8;
 /// Values below this are drawn here on logarithmic axes.
 const FLOOR: f64 = 1e-5;
 
@@ -34,12 +37,12 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(90, 90, 90),
 ];
-const INK: RGBColor = RGBColor(34, 34, 34);
+pub(super) const INK: RGBColor = RGBColor(34, 34, 34);
 const GRID: RGBColor = RGBColor(222, 222, 222);
-const PAPER: RGBColor = RGBColor(255, 255, 255);
+pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// Height of the text in pixels.
-const EM: i32 = 13;
+pub(super) const EM: i32 = 13;
 /// Of one panel.
 const PANEL: [u32; 2] = [300, 250];
 /// Room for the legend above the panels.
@@ -56,9 +59,9 @@ pub struct Figure {
     pub svg: String,
 }
 
-type Backend<'a> = Measured<SVGBackend<'a>>;
+pub(super) type Backend<'a> = Measured<SVGBackend<'a>>;
 type Area<'a> = DrawingArea<Backend<'a>, Shift>;
-type Done = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
+pub(super) type Done = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
 type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, LogCoord<f64>>>;
 
 /// All figures of the runs.
@@ -70,12 +73,19 @@ pub fn figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
         capabilities(report)?,
         boxes(runs, report)?,
         profiles(runs, report)?,
-        reconstruction(runs)?,
     ];
-    for (i, group) in runs.groups.iter().enumerate() {
-        if group.complete().next().is_some() {
-            figures.push(curves(runs, group, i)?);
-        }
+    // Detectors that were scored as they are have no epochs.
+    let has_epochs = |group: &Group| group.complete().any(|run| !run.epochs.is_empty());
+    for (i, group) in runs
+        .groups
+        .iter()
+        .enumerate()
+        .filter(|(_, group)| has_epochs(group))
+    {
+        figures.push(curves(runs, group, i)?);
+    }
+    if runs.groups.iter().any(has_epochs) {
+        figures.push(reconstruction(runs)?);
     }
     Ok(figures)
 }
@@ -84,7 +94,7 @@ fn color(i: usize) -> RGBColor {
     PALETTE[i % PALETTE.len()]
 }
 
-fn text<'a>() -> TextStyle<'a> {
+pub(super) fn text<'a>() -> TextStyle<'a> {
     TextStyle::from(("sans-serif", EM).into_font()).color(&INK)
 }
 
@@ -153,15 +163,9 @@ fn tick(value: f64) -> String {
 fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
     let objects = &runs.objects;
     let of = |k: usize| -> Result<Vec<Vec<f64>>> {
-        let errors = |run: &super::runs::Run| {
-            let values: Vec<f64> = run
-                .epochs
-                .iter()
-                .filter_map(|epoch| error(epoch, &objects[k].0))
-                .collect();
-            // Smoothed as they are drawn: on a logarithmic axis.
-            let logs: Vec<f64> = values.iter().map(|v| v.max(FLOOR).ln()).collect();
-            Ok(smooth(&logs, SMOOTHING)?.into_iter().map(f64::exp).collect())
+        let errors = |run: &Run| {
+            let values = run.epochs.iter().filter_map(|epoch| error(epoch, &objects[k].0));
+            smooth(&values.collect::<Vec<f64>>(), SMOOTHING)
         };
         group.complete().map(errors).collect()
     };
@@ -191,7 +195,10 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
                 .y_label_formatter(&|y| tick(*y))
                 .draw()?;
             for curve in &all[k] {
-                let points = curve.iter().enumerate().map(|(i, v)| ((i + 1) as f64, *v));
+                let points = curve
+                    .iter()
+                    .enumerate()
+                    .map(|(i, v)| ((i + 1) as f64, v.max(FLOOR)));
                 chart.draw_series(LineSeries::new(points, ink.mix(0.7).stroke_width(1)))?;
             }
             dashed(&mut chart, [(1.0, *threshold), (epochs as f64, *threshold)])
@@ -253,7 +260,8 @@ fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
     Ok(Figure {
         name: "boxplots".to_owned(),
         caption: "Tracking errors of the complete runs at their last epoch: quartiles, whiskers to the furthest run within \
-                  1.5 interquartile ranges, the others as circles; dashed: the threshold."
+                  1.5 interquartile ranges, the others as circles; of fewer than 8 runs every one as a dot; dashed: the \
+                  threshold."
             .to_owned(),
         svg,
     })
@@ -290,8 +298,13 @@ fn draw_box<'b>(
             line.stroke_width(2),
         ),
     ])?;
-    let outside = values.iter().filter(|v| !is_inside(v));
-    chart.draw_series(outside.map(|v| Circle::new((x, v.max(FLOOR)), 3, line)))?;
+    if values.len() < FEW {
+        let dot = ShapeStyle::from(&INK).filled();
+        chart.draw_series(values.iter().map(|v| Circle::new((x, v.max(FLOOR)), 2, dot)))?;
+    } else {
+        let outside = values.iter().filter(|v| !is_inside(v));
+        chart.draw_series(outside.map(|v| Circle::new((x, v.max(FLOOR)), 3, line)))?;
+    }
     Ok(())
 }
 
@@ -437,8 +450,7 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
         .groups
         .iter()
         .map(|group| {
-            let loss =
-                |run: &super::runs::Run| run.epochs.iter().map(|e| e.validation.reconstruction).collect();
+            let loss = |run: &Run| run.epochs.iter().map(|e| e.validation.reconstruction).collect();
             group.complete().map(loss).collect()
         })
         .collect();
@@ -514,7 +526,7 @@ fn legend(report: &RunsReport) -> Vec<(String, RGBColor)> {
         .collect()
 }
 
-fn place(report: &RunsReport, group: &super::runs::GroupReport) -> usize {
+fn place(report: &RunsReport, group: &GroupReport) -> usize {
     report
         .groups
         .iter()
@@ -523,7 +535,7 @@ fn place(report: &RunsReport, group: &super::runs::GroupReport) -> usize {
 }
 
 /// A name that every file system takes.
-fn file_name(name: &str) -> String {
+pub(super) fn file_name(name: &str) -> String {
     let plain = |c: char| {
         if c.is_ascii_alphanumeric() || c == '-' || c == '.' {
             c
