@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::files::{self, TruthArguments};
+use super::painter::Painter;
 use super::score::parse_threshold;
 use super::trajectories;
 use crate::atomic;
@@ -21,8 +22,6 @@ use crate::train::{CONFIG, LOG, SUMMARY};
 const ERROR: &str = "error.txt";
 /// Folders below the given ones that are searched for runs.
 const DEPTH: usize = 6;
-/// Pixels of a PNG for one of the SVG.
-const PNG_SCALE: f32 = 2.0;
 
 #[derive(Debug, Args)]
 pub(super) struct ReportArguments {
@@ -220,39 +219,4 @@ fn read_reference(path: &Path) -> Result<Reference> {
         |e: &dyn std::fmt::Display| Error::input(e.to_string().trim_end().to_owned()).at(path.display());
     let text = std::str::from_utf8(&bytes).map_err(|e| wrong(&e))?;
     toml::from_str(text).map_err(|e| wrong(&e))
-}
-
-/// Draws SVG documents as PNG, with a font of its own: the machine may have none.
-struct Painter {
-    options: resvg::usvg::Options<'static>,
-}
-
-impl Painter {
-    fn new() -> Self {
-        let mut options = resvg::usvg::Options::default();
-        let fonts = options.fontdb_mut();
-        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
-        let family = fonts
-            .faces()
-            .next()
-            .and_then(|face| face.families.first())
-            .map(|(name, _)| name.clone());
-        if let Some(family) = family {
-            fonts.set_sans_serif_family(family);
-        }
-        Self { options }
-    }
-
-    fn png(&self, svg: &str) -> Result<Vec<u8>> {
-        let failed =
-            |e: &dyn std::fmt::Display| Error::input(format!("a figure cannot be drawn as PNG: {e}"));
-        let tree = resvg::usvg::Tree::from_str(svg, &self.options).map_err(|e| failed(&e))?;
-        let size = tree.size().to_int_size();
-        let [width, height] = [size.width(), size.height()].map(|side| side * PNG_SCALE as u32);
-        let mut image =
-            resvg::tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed(&"it has no size"))?;
-        let scale = resvg::tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE);
-        resvg::render(&tree, scale, &mut image.as_mut());
-        image.encode_png().map_err(|e| failed(&e))
-    }
 }

@@ -1,9 +1,9 @@
 //! Results and figures, the same for the terminal and the page.
 
+mod document;
 mod evaluation;
 mod figure;
 mod measured;
-mod page;
 mod plots;
 mod reference;
 mod runs;

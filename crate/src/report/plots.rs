@@ -13,6 +13,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::series::{DashedLineSeries, LineSeries};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::measured::Measured;
@@ -324,6 +325,7 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
         let end = groups.len() as f64;
         let mut chart = ChartBuilder::on(panel)
             .margin(EM)
+            .margin_top(2 * EM)
             .x_label_area_size(5 * EM)
             .y_label_area_size(4 * EM)
             .build_cartesian_2d(0.0..end, 0.0..objects.len().max(1) as f64)?;
@@ -353,14 +355,13 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
                 let (xs, ys) = panel.get_pixel_range();
                 [xs.start, ys.start]
             };
+            let centred = text().pos(Pos::new(HPos::Center, VPos::Top));
             let label = |line: &str, row: i32| -> Done {
-                let width = panel.estimate_text_size(line, &text())?.0 as i32;
-                let at = (
-                    left - offset_x - width / 2,
-                    below - offset_y + EM / 2 + row * (EM + 2),
-                );
-                panel.draw_text(line, &text(), at)
+                let at = (left - offset_x, below - offset_y + EM / 2 + row * (EM + 2));
+                panel.draw_text(line, &centred, at)
             };
+            let above = chart.backend_coord(&(x + 0.5, bottom)).1 - offset_y - EM - 4;
+            panel.draw_text(&format!("{bottom:.2}"), &centred, (left - offset_x, above))?;
             // Long names break after their family.
             match group.name.split_once('-') {
                 Some((family, rest)) => {
@@ -369,13 +370,15 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
                 }
                 None => label(&group.name, 0)?,
             }
-            label(&format!("{} runs", group.complete), 2)?;
+            let runs = if group.complete == 1 { "run" } else { "runs" };
+            label(&format!("{} {runs}", group.complete), 2)?;
         }
         Ok(())
     })?;
     Ok(Figure {
         name: "tracking-capability".to_owned(),
-        caption: "Mean tracking capability of every object over the complete runs, stacked.".to_owned(),
+        caption: "Mean tracking capability of every object over the complete runs, stacked; all objects in all runs would be \
+                  their number.".to_owned(),
         svg,
     })
 }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::page::{document, figure, with_interval};
+use super::document::{document, figure, with_interval};
 use super::plots::Figure;
 use super::reference::{ClaimReport, ReferenceReport};
 use super::runs_report::{GroupReport, ObjectRunsReport, RunsReport};

@@ -25,7 +25,7 @@ th, td { padding: .35rem .8rem; border-bottom: 1px solid var(--line); text-align
 th { font-weight: 600; vertical-align: bottom; }
 th:first-child, td:first-child, td.text, th.text { text-align: left; }
 td.text { white-space: normal; min-width: 11rem; }
-td small { color: var(--soft); }
+td small { color: var(--soft); font-weight: 400; }
 td.good { color: var(--good); font-weight: 600; }
 td.bad { color: var(--bad); }
 tr.first td { border-top: 1px solid var(--soft); }
