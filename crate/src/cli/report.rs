@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 
@@ -82,7 +83,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     let mut runs = Vec::new();
     for folder in &folders {
         match read(folder)? {
-            Ok(run) => runs.push(run),
+            Ok(run) => runs.push(Arc::new(run)),
             Err(why) => unread.push(why),
         }
     }
@@ -97,8 +98,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
         )));
     }
     for (name, _) in &arguments.thresholds {
-        let known = |run: &Run| run.objects.contains(name);
-        if let Some(run) = runs.first().filter(|run| !known(run)) {
+        if let Some(run) = runs.first().filter(|run| !run.objects.contains(name)) {
             return Err(Error::mismatch(format!(
                 "a threshold is given for `{name}`; the runs have the objects {}",
                 run.objects.join(", ")

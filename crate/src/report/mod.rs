@@ -22,7 +22,7 @@ pub use reference::{
     Claim, ClaimReport, Comparison, Pair, Reference, ReferenceNumbers, ReferenceReport, ReferenceRow,
     Statistic,
 };
-pub use runs::{DataSet, Group, Grouping, Run, RunFiles, Runs, Unread, data_sets};
+pub use runs::{DataSet, Epoch, Group, Grouping, Run, RunFiles, Runs, Unread, data_sets};
 pub use runs_page::runs_page;
 pub use runs_report::{
     GroupReport, ImprovementReport, IncompleteRun, ObjectRunsReport, RunReport, RunsReport,

@@ -17,7 +17,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::measured::Measured;
-use super::runs::{Group, Run, Runs, error};
+use super::runs::{Group, Run, Runs};
 use super::runs_report::{GroupReport, RunsReport};
 use crate::error::{Error, Result};
 use crate::metric::stats::{Sample, performance_profile, smooth};
@@ -50,7 +50,7 @@ const PANEL: [u32; 2] = [300, 250];
 const LEGEND: u32 = 34;
 
 /// One figure.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Figure {
     /// The name of its files, without the ending.
     pub name: String,
@@ -165,7 +165,7 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
     let objects = &runs.objects;
     let of = |k: usize| -> Result<Vec<Vec<f64>>> {
         let errors = |run: &Run| {
-            let values = run.epochs.iter().filter_map(|epoch| error(epoch, &objects[k].0));
+            let values = run.epochs.iter().filter_map(|epoch| epoch.errors[k]);
             smooth(&values.collect::<Vec<f64>>(), SMOOTHING)
         };
         group.complete().map(errors).collect()
@@ -453,7 +453,7 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
         .groups
         .iter()
         .map(|group| {
-            let loss = |run: &Run| run.epochs.iter().map(|e| e.validation.reconstruction).collect();
+            let loss = |run: &Run| run.epochs.iter().map(|e| e.reconstruction).collect();
             group.complete().map(loss).collect()
         })
         .collect();

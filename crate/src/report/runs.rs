@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use super::evaluation::EvaluationReport;
 use crate::error::{Error, Result};
 use crate::metric::Transform;
-use crate::train::{EpochLog, RunConfig, Split, TrainSummary, read_log};
+use crate::train::{RunConfig, Split, TrainSummary, read_log};
 
 /// One run: a training, or a detector that was scored as it is.
 #[derive(Debug, Clone)]
@@ -20,13 +21,22 @@ pub struct Run {
     /// The objects, in the order of every table.
     pub objects: Vec<String>,
     /// Its epochs, as far as the log can be read; none of a detector that was scored.
-    pub epochs: Vec<EpochLog>,
+    pub epochs: Vec<Epoch>,
     /// The metric in full, after the last epoch.
     pub evaluation: Option<EvaluationReport>,
     /// Why it does not count; `None` for a complete run.
     pub incomplete: Option<String>,
     /// How it trained; `None` of a detector that was scored.
     pub config: Option<RunConfig>,
+}
+
+/// What figures and tables need of an epoch; a log holds several times as much.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Epoch {
+    /// The affine tracking error of every object; `None` where it was visible in no frame.
+    pub errors: Vec<Option<f64>>,
+    /// Reconstruction loss on the validation sequences.
+    pub reconstruction: f64,
 }
 
 /// The files of a run folder, as far as they are there.
@@ -77,7 +87,18 @@ impl Run {
             .map(serde_json::from_slice)
             .transpose()
             .map_err(|e| wrong("summary.json", &e))?;
-        let (epochs, broken) = read_log(files.log.unwrap_or_default());
+        let (log, broken) = read_log(files.log.unwrap_or_default());
+        let epochs: Vec<Epoch> = log
+            .iter()
+            .map(|epoch| {
+                let affine = epoch.errors.get(Transform::Affine.name());
+                let error = |object: &String| affine.and_then(|errors| errors.get(object).copied().flatten());
+                Epoch {
+                    errors: config.objects.iter().map(error).collect(),
+                    reconstruction: epoch.validation.reconstruction,
+                }
+            })
+            .collect();
         let planned = config.train.epochs;
         let whole = summary
             .as_ref()
@@ -105,15 +126,11 @@ impl Run {
         })
     }
 
-    /// A detector that was scored as it is.
-    pub fn scored(
-        name: impl Into<String>,
-        architecture: impl Into<String>,
-        evaluation: EvaluationReport,
-    ) -> Self {
+    /// A detector that was scored as it is; without an architecture it is called what its name begins with.
+    pub fn scored(name: &str, architecture: Option<String>, evaluation: EvaluationReport) -> Self {
         Self {
-            name: name.into(),
-            architecture: architecture.into(),
+            name: name.to_owned(),
+            architecture: architecture.unwrap_or_else(|| family(name)),
             seed: None,
             objects: evaluation.objects.iter().map(|o| o.name.clone()).collect(),
             epochs: Vec::new(),
@@ -127,7 +144,10 @@ impl Run {
     /// in no frame.
     pub fn error(&self, object: &str) -> Option<f64> {
         match (self.epochs.last(), &self.evaluation) {
-            (Some(epoch), _) => error(epoch, object),
+            (Some(epoch), _) => {
+                let at = self.objects.iter().position(|name| name == object)?;
+                epoch.errors[at]
+            }
             (None, Some(evaluation)) => evaluation.objects.iter().find(|o| o.name == object)?.error,
             (None, None) => None,
         }
@@ -202,27 +222,17 @@ impl Run {
     }
 }
 
-/// The affine tracking error of an object in an epoch; `None` where it was visible in no frame.
-pub(super) fn error(epoch: &EpochLog, object: &str) -> Option<f64> {
-    epoch
-        .errors
-        .get(Transform::Affine.name())?
-        .get(object)
-        .copied()
-        .flatten()
-}
-
 /// Runs of one data set, and why they are kept apart from those before.
 #[derive(Debug, Clone)]
 pub struct DataSet {
     /// The runs.
-    pub runs: Vec<Run>,
+    pub runs: Vec<Arc<Run>>,
     /// Two runs, and why their errors cannot be compared; `None` for the first data set.
     pub reason: Option<String>,
 }
 
 /// Puts runs of one data set together: the same objects and sequences, as far as their configurations tell.
-pub fn data_sets(runs: Vec<Run>) -> Vec<DataSet> {
+pub fn data_sets(runs: Vec<Arc<Run>>) -> Vec<DataSet> {
     let mut sets: Vec<DataSet> = Vec::new();
     for run in runs {
         let mut reason = None;
@@ -287,13 +297,16 @@ pub struct Group {
     /// Its name; by settings the architecture, with what else tells it from another group where there are several of one.
     pub name: String,
     /// The runs, complete ones first.
-    pub runs: Vec<Run>,
+    pub runs: Vec<Arc<Run>>,
 }
 
 impl Group {
     /// The complete runs.
     pub fn complete(&self) -> impl Iterator<Item = &Run> + Clone {
-        self.runs.iter().filter(|run| run.incomplete.is_none())
+        self.runs
+            .iter()
+            .map(Arc::as_ref)
+            .filter(|run| run.incomplete.is_none())
     }
 }
 
@@ -312,7 +325,7 @@ impl Runs {
     /// # Errors
     /// When there is no complete run, when runs are not of one data set ([`data_sets`]), so that their errors cannot be
     /// compared, and when a setting to group by is none.
-    pub fn new(runs: Vec<Run>, threshold: impl Fn(&str) -> f64, grouping: &Grouping) -> Result<Self> {
+    pub fn new(runs: Vec<Arc<Run>>, threshold: impl Fn(&str) -> f64, grouping: &Grouping) -> Result<Self> {
         let mut sets = data_sets(runs);
         if let Some(reason) = sets.iter().find_map(|set| set.reason.as_ref()) {
             return Err(Error::mismatch(format!(
@@ -363,8 +376,8 @@ impl Runs {
     }
 }
 
-fn by(runs: Vec<Run>, name: impl Fn(&Run) -> Result<String>) -> Result<Vec<Group>> {
-    let mut groups: BTreeMap<String, Vec<Run>> = BTreeMap::new();
+fn by(runs: Vec<Arc<Run>>, name: impl Fn(&Run) -> Result<String>) -> Result<Vec<Group>> {
+    let mut groups: BTreeMap<String, Vec<Arc<Run>>> = BTreeMap::new();
     for run in runs {
         groups.entry(name(&run)?).or_default().push(run);
     }
@@ -372,7 +385,7 @@ fn by(runs: Vec<Run>, name: impl Fn(&Run) -> Result<String>) -> Result<Vec<Group
     Ok(groups.into_iter().map(group).collect())
 }
 
-fn by_settings(runs: Vec<Run>) -> Vec<Group> {
+fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
     let mut all = Vec::new();
     let mut architectures: BTreeMap<String, Vec<(Vec<(String, String)>, Group)>> = BTreeMap::new();
     for run in runs {

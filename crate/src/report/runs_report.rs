@@ -265,7 +265,7 @@ impl GroupReport {
                     seed: run.seed,
                     epochs: run.epochs.len(),
                     tc: tracked.count() as f64 / objects.len().max(1) as f64,
-                    reconstruction: run.epochs.last().map(|e| e.validation.reconstruction),
+                    reconstruction: run.epochs.last().map(|e| e.reconstruction),
                     errors,
                 }
             })
