@@ -475,7 +475,7 @@ fn trajectories_are_drawn_on_their_frames() {
         "cube",
         "target",
         "eef",
-        "not tracked",
+        "tracked",
         "ground truth",
     ] {
         assert!(svg.contains(word), "{word}");
@@ -605,7 +605,7 @@ than = ["keynet-kp16-vel-std-bg"]
         "{markdown}"
     );
     assert!(
-        markdown.contains("| 0.986 / 0.") && markdown.contains("| – / 1.000"),
+        markdown.contains("| 0.986 / 1.000 [") && markdown.contains("| – / 1.000"),
         "{markdown}"
     );
 
