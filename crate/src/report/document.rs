@@ -35,7 +35,7 @@ figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
 figure svg [fill=\"#222222\"] { fill: var(--ink); }
 figure svg [stroke=\"#222222\"] { stroke: var(--ink); }
 figure svg [stroke=\"#DEDEDE\"] { stroke: var(--line); }
-figure svg > rect[fill=\"#FFFFFF\"] { fill: var(--plate); }
+figure svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var(--plate); }
 @media print {
   :root { --ink: #000; --soft: #444; --plate: #fff; --line: #ccc; --good: #00734f; --bad: #a8430a; --warn: #eee; }
   body { max-width: none; padding: 0; } figure, tr { break-inside: avoid; } figure svg { min-width: 0; }

@@ -9,7 +9,7 @@ use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::style::{Color as _, IntoFont as _, RGBColor, ShapeStyle, TextStyle};
 
 use super::measured::Measured;
-use super::plots::{Backend, Done, EM, Figure, INK, file_name, text};
+use super::plots::{Backend, Done, EM, Figure, INK, PAPER, file_name, text};
 use crate::error::{Error, Result};
 
 /// Width of a frame in the figure, in pixels; its height follows.
@@ -18,8 +18,9 @@ const FRAME: u32 = 220;
 const GAP: u32 = 10;
 /// Room for the legend, and for the names of the sequences below it.
 const TOP: u32 = 58;
-/// Room for the names of the objects.
-const LEFT: u32 = 92;
+/// Room for the names of the objects, and between them and the edge.
+const LEFT: u32 = 100;
+const MARGIN: i32 = 8;
 
 const TRUTH: RGBColor = RGBColor(255, 255, 255);
 const KEYPOINT: RGBColor = RGBColor(230, 40, 40);
@@ -86,6 +87,7 @@ pub fn trajectories(
     let mut svg = String::new();
     let mut drawn = || -> Done {
         let area = Measured(SVGBackend::with_string(&mut svg, (size[0], size[1]))).into_drawing_area();
+        area.fill(&PAPER)?;
         legend(&area)?;
         for (column, scene) in scenes.iter().enumerate() {
             area.draw_text(&scene.title, &text(), (left(column) as i32, TOP as i32 - EM - 5))?;
@@ -97,17 +99,17 @@ pub fn trajectories(
         }
         for (row, (object, detail)) in objects.iter().enumerate() {
             let y = top(row) as i32;
-            area.draw_text(object, &text(), (0, y + 2))?;
+            area.draw_text(object, &text(), (MARGIN, y + 2))?;
             for (i, line) in detail.lines().enumerate() {
                 let small = TextStyle::from(("sans-serif", EM - 2).into_font()).color(&INK);
-                area.draw_text(line, &small, (0, y + 2 + (i as i32 + 1) * (EM + 4)))?;
+                area.draw_text(line, &small, (MARGIN, y + 2 + (i as i32 + 1) * (EM + 4)))?;
             }
         }
         area.present()
     };
     drawn().map_err(|e| Error::input(format!("a figure could not be drawn: {e}")))?;
 
-    // plotters draws no pictures in SVG: they lie below what it drew, each once.
+    // plotters draws no pictures in SVG: they lie between its background, which comes first, and all else; each is there once.
     let mut pictures = String::new();
     for (column, scene) in scenes.iter().enumerate() {
         let id = format!("{}-{column}", file_name(name));
@@ -124,7 +126,7 @@ pub fn trajectories(
             );
         }
     }
-    let open = svg.find('>').map_or(0, |end| end + 1);
+    let open = svg.find("/>").map_or(0, |end| end + 2);
     svg.insert_str(open, &format!("\n{pictures}"));
     Ok(Figure {
         name: file_name(name),

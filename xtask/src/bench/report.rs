@@ -48,7 +48,11 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     let mut peak = None;
     for _ in 0..ROUNDS {
         let mut command = run::command(workspace.binary("tracklens"));
-        command.arg("report").arg(&runs).arg("--out").arg(folder.path().join("report"));
+        command
+            .arg("report")
+            .arg(&runs)
+            .arg("--out")
+            .arg(folder.path().join("report"));
         let (time, memory) = timed(&mut command)?;
         times.push(time);
         peak = peak.max(memory);
@@ -119,7 +123,9 @@ fn log(architecture: usize, seed: u64) -> String {
     let mut state = 1 + seed + 1000 * architecture as u64;
     let mut random = move || {
         // Knuth's multiplier; the upper bits are good enough for noise.
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f64 / f64::from(1_u32 << 24)
     };
     let drops: Vec<f64> = (0..3)
@@ -160,7 +166,11 @@ fn timed(command: &mut Command) -> Result<(Duration, Option<u64>)> {
     let mut peak = None;
     loop {
         // The kernel keeps the highest value itself.
-        if let Some(bytes) = fs::read_to_string(&status).ok().as_deref().and_then(high_water_mark) {
+        if let Some(bytes) = fs::read_to_string(&status)
+            .ok()
+            .as_deref()
+            .and_then(high_water_mark)
+        {
             peak = Some(bytes);
         }
         if let Some(status) = child.try_wait().context("tracklens cannot be waited for")? {
@@ -186,7 +196,10 @@ mod tests {
 
     #[test]
     fn the_peak_of_memory_is_read() {
-        assert_eq!(high_water_mark("Name:\ta\nVmHWM:\t    2048 kB\nVmRSS:\t 1 kB\n"), Some(2 << 20));
+        assert_eq!(
+            high_water_mark("Name:\ta\nVmHWM:\t    2048 kB\nVmRSS:\t 1 kB\n"),
+            Some(2 << 20)
+        );
         assert_eq!(high_water_mark("Name:\ta\n"), None);
     }
 
