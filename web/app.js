@@ -2,8 +2,6 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
-import { showComparison } from "./compare.js";
-import { RunsComparison } from "./comparison.js";
 import { announce, byId } from "./dom.js";
 import { fetchExample } from "./example.js";
 import { WorkerPool } from "./extraction-pool.js";
@@ -21,22 +19,13 @@ export function start() {
   showExtraction(session);
   showResults(session);
   showViewer(session);
-  const comparison = new RunsComparison(session);
-  showComparison(comparison);
-  takeFiles(session, comparison);
+  takeFiles(session);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
 }
 
-/**
- * @param {Session} session
- * @param {RunsComparison} comparison
- */
-function takeFiles(session, comparison) {
-  const take = (/** @type {import("./files.js").Source[]} */ sources) => {
-    const { rest, runs } = comparison.take(sources);
-    if (rest.length > 0 || runs === 0) void session.add(rest);
-  };
+/** @param {Session} session */
+function takeFiles(session) {
   for (const [button, input] of [
     ["choose-files", "input-files"],
     ["choose-folder", "input-folder"],
@@ -45,7 +34,7 @@ function takeFiles(session, comparison) {
     const picker = byId(input);
     byId(button).addEventListener("click", () => picker.click());
     picker.addEventListener("change", () => {
-      take(fromInput(picker));
+      void session.add(fromInput(picker));
       // The same files can be picked again.
       picker.value = "";
     });
@@ -53,7 +42,6 @@ function takeFiles(session, comparison) {
   byId("try-example").addEventListener("click", () => void session.open(fetchExample));
   byId("start-over").addEventListener("click", () => {
     session.clear();
-    comparison.clear();
     announce("Everything was removed.");
     byId("choose-folder").focus();
   });
@@ -73,7 +61,7 @@ function takeFiles(session, comparison) {
   window.addEventListener("dragleave", (event) => isFiles(event) && over(depth - 1));
   window.addEventListener("drop", async (event) => {
     over(0);
-    if (event.dataTransfer && isFiles(event)) take(await fromDrop(event.dataTransfer));
+    if (event.dataTransfer && isFiles(event)) void session.add(await fromDrop(event.dataTransfer));
   });
 }
 

@@ -3,8 +3,6 @@
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
 //! in the workers, figures once there is something to draw. Objects of one part mean nothing to another one.
 
-#[cfg(feature = "web-figures")]
-mod comparison;
 #[cfg(feature = "web-extraction")]
 mod encoder;
 #[cfg(feature = "web-figures")]
@@ -13,7 +11,7 @@ mod figure;
 mod files;
 #[cfg(feature = "web-scoring")]
 mod frames;
-#[cfg(any(feature = "web-scoring", feature = "web-figures"))]
+#[cfg(feature = "web-scoring")]
 mod options;
 #[cfg(feature = "web-scoring")]
 mod scoring;
@@ -48,6 +46,7 @@ fn js_error(error: &Error) -> JsValue {
 }
 
 /// Plain JavaScript objects; `None` becomes null.
+#[cfg(any(feature = "web-scoring", feature = "web-extraction"))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)
