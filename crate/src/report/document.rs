@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::plots::Figure;
+use super::figures::Figure;
 
 /// Figures are drawn in the colours of a light page; these are the ones that change in the dark.
 const STYLE: &str = "
@@ -31,11 +31,14 @@ td.bad { color: var(--bad); }
 tr.first td { border-top: 1px solid var(--soft); }
 figure { margin: 1.5rem 0; }
 figure .plate { overflow-x: auto; }
+figure .white { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: .5rem; }
+pre { padding: .75rem 1rem; border: 1px solid var(--line); border-radius: 8px; white-space: pre-wrap; overflow-wrap: anywhere;
+  font: .875rem/1.5 ui-monospace, monospace; }
 figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
-figure svg [fill=\"#222222\"] { fill: var(--ink); }
-figure svg [stroke=\"#222222\"] { stroke: var(--ink); }
-figure svg [stroke=\"#DEDEDE\"] { stroke: var(--line); }
-figure svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var(--plate); }
+figure .plate:not(.white) svg [fill=\"#222222\"] { fill: var(--ink); }
+figure .plate:not(.white) svg [stroke=\"#222222\"] { stroke: var(--ink); }
+figure .plate:not(.white) svg [stroke=\"#DEDEDE\"] { stroke: var(--line); }
+figure .plate:not(.white) svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var(--plate); }
 @media print {
   :root { --ink: #000; --soft: #444; --plate: #fff; --line: #ccc; --good: #00734f; --bad: #a8430a; --warn: #eee; }
   body { max-width: none; padding: 0; } figure, tr { break-inside: avoid; } figure svg { min-width: 0; }

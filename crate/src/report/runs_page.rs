@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::document::{document, figure, with_interval};
-use super::plots::Figure;
+use super::figures::Figure;
 use super::reference::{ClaimReport, ReferenceReport};
 use super::runs_report::{GroupReport, ObjectRunsReport, RunsReport};
 use super::tables::{number, quartiles, variance};

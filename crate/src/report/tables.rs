@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::plots::Figure;
+use super::figures::Figure;
 use super::reference::{Pair, ReferenceReport};
 use super::runs_report::{GroupReport, ObjectRunsReport, RunsReport};
 use crate::data::quote_csv;

@@ -8,8 +8,9 @@ use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::style::{Color as _, IntoFont as _, RGBColor, ShapeStyle, TextStyle};
 
+use super::figures::{Figure, file_name};
 use super::measured::Measured;
-use super::plots::{Backend, Done, EM, Figure, INK, PAPER, file_name, text};
+use super::plots::{Backend, Done, EM, INK, PAPER, text};
 use crate::error::{Error, Result};
 
 /// Width of a frame in the figure, in pixels; its height follows.
