@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use serde_json::Value;
 
 use crate::workspace::Workspace;
-use crate::{run, setup};
+use crate::{package, run, setup, site};
 
 /// How often each of the two is run.
 const ROUNDS: usize = 5;
@@ -28,6 +28,8 @@ pub enum Subject {
     Page,
     /// `tracklens report` on synthetic logs of 6 x 24 runs of 500 epochs: time and peak memory.
     Report,
+    /// The page with 10,000 frames of 256 px: time, size of the tab, scrubbing.
+    Size,
 }
 
 /// One line that a benchmark prints with `--json`.
@@ -43,6 +45,7 @@ pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
         Subject::Train => train(workspace),
         Subject::Page => page::run(workspace),
         Subject::Report => report::run(workspace),
+        Subject::Size => size(workspace),
     }
 }
 
@@ -98,6 +101,17 @@ fn train(workspace: &Workspace) -> Result<()> {
         println!("{}", comparison(&ours, &theirs)?);
     }
     Ok(())
+}
+
+fn size(workspace: &Workspace) -> Result<()> {
+    setup::browsers()?;
+    package::build(workspace)?;
+    site::write(workspace, &workspace.site())?;
+    let mut cargo = run::cargo();
+    cargo
+        .args(["bench", "--package=tracklens-page-tests", "--bench=size"])
+        .env("TRACKLENS_SITE", workspace.site());
+    run::run(cargo.current_dir(workspace.root()))
 }
 
 fn timing(command: &mut Command) -> Result<Timing> {

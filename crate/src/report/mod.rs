@@ -14,6 +14,7 @@ mod runs_page;
 mod runs_report;
 mod tables;
 mod trajectories;
+mod unmatched;
 
 pub use evaluation::{
     AssignmentReport, ContextReport, EvaluationReport, HeldOutObjectReport, HeldOutReport, IntervalReport,
@@ -36,3 +37,4 @@ pub use runs_report::{
 };
 pub use tables::{errors_csv, runs_csv, runs_markdown};
 pub use trajectories::{Path, Scene, trajectories};
+pub use unmatched::{UnmatchedSequence, unmatched_sequences};
