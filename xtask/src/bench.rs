@@ -2,6 +2,7 @@
 
 mod extract;
 mod page;
+mod report;
 
 use std::process::Command;
 
@@ -28,6 +29,8 @@ pub enum Subject {
     Train,
     /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the time to the first TC.
     Page,
+    /// `tracklens report` on synthetic logs of 6 x 24 runs of 500 epochs: time and peak memory.
+    Report,
     /// The page with 10,000 frames of 256 px: time, size of the tab, scrubbing.
     Size,
 }
@@ -45,6 +48,7 @@ pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
         Subject::Extract => extract::run(workspace),
         Subject::Train => train(workspace),
         Subject::Page => page::run(workspace),
+        Subject::Report => report::run(workspace),
         Subject::Size => size(workspace),
     }
 }
