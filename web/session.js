@@ -2,7 +2,7 @@
 /**
  * What the page knows: the files taken, and everything that follows from them. The views read it and listen to
  * its events: `files`, `extraction`, `scoring` (another set of joined points), `evaluation` (other options over the
- * same points) and `selection`.
+ * same points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
  */
 
 import { Encoder, FrameIndex, GroundTruthTable, KeypointTable, Scoring, classify, joinFrames } from "./pkg/index.js";
@@ -13,6 +13,7 @@ import { count, names } from "./format.js";
 /**
  * @typedef {import("./files.js").Source} Source
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
@@ -37,6 +38,11 @@ import { count, names } from "./format.js";
  * @property {string} text
  * @property {{ label: string, run: () => void }} [action]
  */
+
+/** Of the intervals. */
+const RESAMPLES = 1000;
+/** Milliseconds that a step of drawing them may take, so that the page stays at hand. */
+const STEP_MS = 24;
 
 const READERS = 8;
 /** Enough to tell what a file is. */
@@ -89,6 +95,10 @@ export class Session extends EventTarget {
   defaultThresholds = {};
   /** @type {ScoreOptions} */
   options = { transform: "affine", rank: "reference", thresholds: {} };
+  /** What is asked of the sequences: folds to hold out (0: none), intervals. */
+  resampling = { folds: 0, intervals: false };
+  /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
+  intervals = null;
   /** Of the joined frames. @type {string[]} */
   objects = [];
   /** The joined frames by sequence. @type {SequenceRange[]} */
@@ -241,6 +251,7 @@ export class Session extends EventTarget {
     this.frameSources = [];
     this.join = null;
     this.options = { transform: "affine", rank: "reference", thresholds: {} };
+    this.resampling = { folds: 0, intervals: false };
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
@@ -328,6 +339,50 @@ export class Session extends EventTarget {
     this.#evaluate();
   }
 
+  /** @param {Partial<Session["resampling"]>} resampling */
+  setResampling(resampling) {
+    Object.assign(this.resampling, resampling);
+    this.#evaluate();
+  }
+
+  /** The number of folds that are held out; no more than there are sequences. */
+  get folds() {
+    const folds = Math.min(this.resampling.folds, this.sequences.length);
+    return folds < 2 ? 0 : folds;
+  }
+
+  /**
+   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure, the command.
+   * @returns {Evaluation | null}
+   */
+  completeEvaluation() {
+    if (!this.scoring || !this.evaluation) return this.evaluation;
+    const options = { ...this.#scoreOptions(), sequences: true, context: true };
+    const evaluation = this.scoring.evaluate(options);
+    if (this.intervals) evaluation.intervals = this.intervals;
+    return { ...evaluation, command: this.command() };
+  }
+
+  /** What others measure of the same frames; takes a while. */
+  context() {
+    const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
+    return evaluation?.context ?? this.evaluation?.context ?? null;
+  }
+
+  /** The command of the terminal that repeats the evaluation. */
+  command() {
+    if (!this.scoring) return this.evaluation?.command ?? "";
+    const keypoints = this.used("keypoints")?.path;
+    const inputs = {
+      truth: this.used("ground-truth")?.path ?? "ground_truth.csv",
+      ...(keypoints
+        ? { keypoints }
+        : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
+    };
+    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
+    return this.scoring.command(inputs, { ...this.#scoreOptions(), ...bootstrap });
+  }
+
   /** @param {Partial<{ object: number, frame: number }>} selection */
   select(selection) {
     const next = { ...this.selection, ...selection };
@@ -354,7 +409,44 @@ export class Session extends EventTarget {
     if (keypoint === null) this.#chosen.delete(object);
     else this.#chosen.set(object, keypoint);
     this.selection = { ...this.selection, object };
-    this.#emit("selection");
+    for (const topic of ["selection", "choice"]) this.#emit(topic);
+  }
+
+  /** Shows every object with its best keypoint. */
+  chooseBest() {
+    this.#chosen.clear();
+    for (const topic of ["selection", "choice"]) this.#emit(topic);
+  }
+
+  /**
+   * Whether an object is shown with a keypoint other than its best one.
+   * @param {number} object
+   */
+  isChosen(object) {
+    return this.keypointOf(object) !== (this.evaluation?.objects[object]?.best_keypoint ?? null);
+  }
+
+  /**
+   * The error of an object with a keypoint by sequence, the worst one first.
+   * @param {number} object
+   * @param {number} keypoint
+   */
+  sequenceErrors(object, keypoint) {
+    return this.scoring?.sequenceErrors(object, keypoint, this.#mapOptions()) ?? [];
+  }
+
+  /**
+   * The joined frames in which an object is furthest from a keypoint under its map (squared distance, ndc).
+   * @param {number} object
+   * @param {number} keypoint
+   * @param {number} most
+   */
+  worstFrames(object, keypoint, most) {
+    const distances = this.scoring?.distances(object, keypoint, this.#mapOptions()) ?? new Float64Array();
+    const visible = Array.from(distances, (distance, frame) => ({ frame, distance })).filter(
+      ({ distance }) => !Number.isNaN(distance),
+    );
+    return visible.sort((a, b) => b.distance - a.distance).slice(0, most);
   }
 
   /** Width and height of the images, when it is known and the same for all. */
@@ -399,7 +491,7 @@ export class Session extends EventTarget {
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
     if (!series) {
-      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, this.#scoreOptions());
+      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, this.#mapOptions());
       series = { truth, keypoint: this.#place(raw), transformed };
       this.#series.set(key, series);
     }
@@ -680,7 +772,7 @@ export class Session extends EventTarget {
     this.#series.clear();
     try {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
-      const defaults = this.scoring.evaluate({ ...this.#scoreOptions(), thresholds: {} });
+      const defaults = this.scoring.evaluate(this.#mapOptions());
       this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
       this.problems.delete("evaluation");
     } catch (error) {
@@ -688,7 +780,37 @@ export class Session extends EventTarget {
       this.#report("evaluation", "error", messageOf(error));
       this.#emit("files");
     }
+    this.intervals = null;
     this.#emit("evaluation");
+    void this.#drawIntervals();
+  }
+
+  /** Draws the intervals in steps, until they are there or belong to another evaluation. */
+  async #drawIntervals() {
+    const { scoring, evaluation } = this;
+    if (!scoring || !evaluation || !this.resampling.intervals || this.sequences.length < 2) return;
+    const bootstrap = scoring.bootstrap(this.#scoreOptions());
+    try {
+      let step = 1;
+      for (let left = RESAMPLES; left > 0; ) {
+        await new Promise((done) => setTimeout(done));
+        if (this.evaluation !== evaluation) return;
+        const start = performance.now();
+        bootstrap.draw(Math.min(step, left));
+        left -= step;
+        if (performance.now() - start < STEP_MS / 2) step *= 2;
+      }
+      this.intervals = bootstrap.intervals();
+      this.#emit("intervals");
+    } finally {
+      bootstrap.free();
+    }
+  }
+
+  /** What decides on the maps alone. @returns {ScoreOptions} */
+  #mapOptions() {
+    const { transform, rank } = this.options;
+    return { transform, rank };
   }
 
   /** @returns {ScoreOptions} */
@@ -698,6 +820,7 @@ export class Session extends EventTarget {
       ...this.options,
       thresholds: Object.fromEntries(edited),
       ...(this.imageSize ? { imageSize: this.imageSize } : {}),
+      ...(this.folds > 0 ? { folds: this.folds } : {}),
     };
   }
 
@@ -741,6 +864,7 @@ export class Session extends EventTarget {
     this.table = null;
     this.scoring = null;
     this.evaluation = null;
+    this.intervals = null;
     this.objects = [];
     this.sequences = [];
     this.frameNumbers = new Float64Array();
@@ -793,6 +917,21 @@ async function imageSize(sources) {
   } catch {
     return undefined;
   }
+}
+
+/**
+ * The folder that all sequences of images lie in.
+ * @param {string[]} paths
+ */
+function commonFolder(paths) {
+  if (paths.length === 0) return ".";
+  const folders = paths.map((path) => path.split("/").slice(0, -1));
+  let depth = 0;
+  while (folders.every((folder) => depth < folder.length && folder[depth] === folders[0][depth])) depth++;
+  const common = folders[0].slice(0, depth);
+  // A single sequence is itself in all paths.
+  if (common.length > 0 && folders.every((folder) => folder.length === common.length)) common.pop();
+  return common.join("/") || ".";
 }
 
 /** @param {unknown} error */

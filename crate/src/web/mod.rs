@@ -1,6 +1,7 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 
 mod encoder;
+mod evaluation;
 mod figure;
 mod frames;
 mod scoring;
