@@ -5,12 +5,21 @@
  * same points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
  */
 
-import { Encoder, FrameIndex, GroundTruthTable, KeypointTable, Scoring, classify, joinFrames } from "./pkg/index.js";
+import {
+  FrameIndex,
+  GroundTruthTable,
+  KeypointTable,
+  Scoring,
+  classify,
+  joinFrames,
+  latentToImage,
+} from "./pkg/index.js";
 import { Extraction } from "./extraction.js";
 import { mapBounded } from "./files.js";
 import { count, names } from "./format.js";
 
 /**
+ * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./files.js").Source} Source
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").Intervals} Intervals
@@ -27,7 +36,7 @@ import { count, names } from "./format.js";
  * @property {Slot | "unknown"} role
  * @property {string} reason why it was taken for that
  * @property {"used" | "spare" | "broken" | "unknown"} state
- * @property {GroundTruthTable | Encoder | KeypointTable | null} content
+ * @property {GroundTruthTable | OpenEncoder | KeypointTable | null} content
  * @property {string} error why it is broken
  * @property {string[]} notices
  * @property {Extraction | null} extraction of a checkpoint
@@ -50,12 +59,11 @@ const HEAD_BYTES = 4096;
 
 /**
  * `imageSize` is that of the frames, for positions in pixels.
- * @type {Record<Slot, (bytes: Uint8Array, path: string, imageSize: [number, number] | undefined) =>
- *   GroundTruthTable | Encoder | KeypointTable>}
+ * @type {Record<Exclude<Slot, "checkpoint">, (bytes: Uint8Array, path: string, imageSize: [number, number] | undefined) =>
+ *   GroundTruthTable | KeypointTable>}
  */
 const PARSERS = {
   "ground-truth": (bytes, path, imageSize) => GroundTruthTable.parse(bytes, path, { imageSize }),
-  checkpoint: (bytes, path) => new Encoder(bytes, path),
   keypoints: (bytes, path, imageSize) => KeypointTable.parse(bytes, path, { imageSize }),
 };
 
@@ -155,7 +163,10 @@ export class Session extends EventTarget {
         this.#read("Reading", ++done, sources.length);
         return entry;
       });
-      if (!alive()) return;
+      if (!alive()) {
+        for (const entry of read) entry?.content?.free();
+        return;
+      }
       this.reading = null;
       let images = 0;
       for (const [i, entry] of read.entries()) {
@@ -282,9 +293,9 @@ export class Session extends EventTarget {
     return /** @type {GroundTruthTable | null} */ (this.used("ground-truth")?.content ?? null);
   }
 
-  /** @returns {Encoder | null} */
+  /** @returns {OpenEncoder | null} */
   get encoder() {
-    return /** @type {Encoder | null} */ (this.used("checkpoint")?.content ?? null);
+    return /** @type {OpenEncoder | null} */ (this.used("checkpoint")?.content ?? null);
   }
 
   /**
@@ -549,10 +560,16 @@ export class Session extends EventTarget {
       entry.role = role;
       entry.reason = reason;
       if (role === "unknown") return entry;
-      entry.content = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path, size);
+      if (role === "checkpoint") {
+        const encoder = await this.#extractor.open({ path, blob });
+        entry.content = encoder;
+        entry.extraction = new Extraction(encoder);
+      } else {
+        const table = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path, size);
+        entry.content = table;
+        entry.notices.push(...table.notices);
+      }
       entry.state = "spare";
-      if (entry.content instanceof Encoder) entry.extraction = new Extraction(this.#extractor, { path, blob });
-      else entry.notices.push(...entry.content.notices);
     } catch (error) {
       entry.state = "broken";
       entry.error =
@@ -831,10 +848,11 @@ export class Session extends EventTarget {
   #place(points) {
     const { encoder } = this;
     if (!encoder || this.#sizes.length === 0) return points;
-    if (this.imageSize) return encoder.toImage(points, ...this.imageSize);
+    const { config } = encoder.info;
+    if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
     for (const [t, size] of this.#sizes.entries()) {
-      placed.set(encoder.toImage(points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
+      placed.set(latentToImage(config, points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
     }
     return placed;
   }

@@ -1,7 +1,7 @@
 // @ts-check
 /** Taking the results away: files, and the command that repeats them. */
 
-import { evaluationCsv, evaluationPage } from "../pkg/index.js";
+import init, { evaluationCsv, evaluationPage } from "../pkg/index.js";
 import { announce, h, icon } from "../dom.js";
 import { save } from "../download.js";
 
@@ -17,7 +17,8 @@ const COPIED_MS = 2000;
 export function exportView(session) {
   const item = (/** @type {string} */ id, /** @type {string} */ label, /** @type {() => void} */ onclick) =>
     h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
-  const complete = (/** @type {(evaluation: Evaluation) => void} */ write) => () => {
+  const complete = (/** @type {(evaluation: Evaluation) => void} */ write) => async () => {
+    await init(["figures"]);
     const evaluation = session.completeEvaluation();
     if (evaluation) write(evaluation);
   };

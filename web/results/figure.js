@@ -1,6 +1,7 @@
 // @ts-check
 /** Figures of the results: SVG from the package, redrawn for the width and the colours in force, saved as SVG and PNG. */
 
+import init from "../pkg/index.js";
 import { fill, h, icon } from "../dom.js";
 import { save } from "../download.js";
 
@@ -36,7 +37,13 @@ export function figureView({ id, label, draw, drawn }) {
   let current = null;
   let width = 0;
 
-  const update = () => {
+  const update = async () => {
+    try {
+      await init(["figures"]);
+    } catch (error) {
+      fill(plate, h("p", { class: "hint-line" }, `The figure cannot be drawn: ${/** @type {Error} */ (error).message}`));
+      return;
+    }
     if (scroll.clientWidth === 0) return;
     width = scroll.clientWidth;
     current = draw(schemeTheme(width), width);
@@ -47,9 +54,9 @@ export function figureView({ id, label, draw, drawn }) {
     drawn?.(current, layer);
   };
   new ResizeObserver(() => {
-    if (scroll.clientWidth !== width) update();
+    if (scroll.clientWidth !== width) void update();
   }).observe(scroll);
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", update);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => void update());
 
   /**
    * @param {string | null} text `null` hides it
@@ -64,7 +71,7 @@ export function figureView({ id, label, draw, drawn }) {
     tip.style.setProperty("--y", `${y}px`);
     tip.dataset.side = x > current.width / 2 ? "left" : "right";
   };
-  return { element, layer, update, showTip, drawing: () => current };
+  return { element, layer, update: () => void update(), showTip, drawing: () => current };
 }
 
 /**
@@ -80,7 +87,8 @@ function saveLinks(id, label, svg) {
         type: "button",
         class: "link",
         id: `save-${id}-${kind.toLowerCase()}`,
-        onclick: () => {
+        onclick: async () => {
+          await init(["figures"]);
           const document = svg();
           if (document) write(document);
         },

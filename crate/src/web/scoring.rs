@@ -7,12 +7,13 @@ use js_sys::{Float64Array, Object, Reflect};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::frames::FrameIndex;
+use super::frames::{FrameIndex, sequences_to_js};
+use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
-use super::{JsResult, from_js, js_error, sequences_to_js, to_js};
+use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
-use crate::report::{Inputs, IntervalsReport, JoinReport, Request};
+use crate::report::{EvaluationReport, Inputs, IntervalsReport, JoinReport, Request};
 use crate::scoring;
 use crate::track::FrameKey;
 
@@ -315,4 +316,13 @@ impl Scoring {
         }
         Ok(out.into())
     }
+}
+
+/// Reads the JSON of an evaluation.
+///
+/// # Errors
+/// As [`EvaluationReport::parse`].
+#[wasm_bindgen(js_name = parseEvaluation)]
+pub fn parse_evaluation(bytes: &[u8], name: &str) -> JsResult<JsValue> {
+    to_js(&EvaluationReport::parse(bytes, name).map_err(|e| js_error(&e))?)
 }

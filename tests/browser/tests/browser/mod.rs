@@ -76,6 +76,11 @@ async fn serve(site: PathBuf) -> String {
 impl Page {
     /// Opens the page and waits until it is ready.
     pub async fn open() -> Self {
+        Self::open_with("").await
+    }
+
+    /// Opens the page after a script that changes what it finds in its browser.
+    pub async fn open_with(script: &str) -> Self {
         let origin = serve(site()).await;
         let port = TcpListener::bind("127.0.0.1:0")
             .and_then(|l| l.local_addr())
@@ -118,7 +123,7 @@ impl Page {
             chromedriver,
             _profile: profile,
         };
-        let watch = json!({ "source": WATCH });
+        let watch = json!({ "source": format!("{WATCH}\n{script}") });
         page.driver
             .cdp()
             .send_raw("Page.addScriptToEvaluateOnNewDocument", watch)
