@@ -78,7 +78,9 @@ impl Theme {
     }
 
     fn text(&self, color: Color) -> TextStyle<'static> {
-        TextStyle::from(("sans-serif", self.em()).into_font()).color(&color.rgb())
+        let mut style = TextStyle::from(("sans-serif", self.em()).into_font());
+        style.color = color.rgb().to_backend_color();
+        style
     }
 }
 
