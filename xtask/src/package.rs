@@ -21,18 +21,17 @@ pub const PARTS: [Part; 3] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
-        optimise: "-Oz",
+        fast: false,
     },
-    // What runs once a pixel: here time counts before size.
     Part {
         name: "tracklens_extraction",
         feature: "web-extraction",
-        optimise: "-O3",
+        fast: true,
     },
     Part {
         name: "tracklens_figures",
         feature: "web-figures",
-        optimise: "-Oz",
+        fast: false,
     },
 ];
 
@@ -41,8 +40,8 @@ pub struct Part {
     /// Of its files.
     name: &'static str,
     feature: &'static str,
-    /// How wasm-opt optimises it.
-    optimise: &'static str,
+    /// Whether time counts before size, as for what runs once a pixel.
+    fast: bool,
 }
 
 impl Part {
@@ -52,6 +51,12 @@ impl Part {
 
     fn script(&self) -> String {
         format!("{}.js", self.name)
+    }
+
+    /// The crate's own level of optimisation, for cargo; that of dependencies is in the profile.
+    fn opt_level(&self) -> String {
+        let level = if self.fast { "3" } else { "\"s\"" };
+        format!("profile.wasm.package.tracklens.opt-level={level}")
     }
 
     fn generated(&self) -> [String; 3] {
@@ -109,6 +114,7 @@ pub fn build(workspace: &Workspace) -> Result<()> {
                 .cargo("build")
                 .args(LIBRARY)
                 .arg(format!("--features={}", part.feature))
+                .args(["--config", &part.opt_level()])
                 .current_dir(workspace.root()),
         )?;
         let compiled = toolchain.folder(workspace).join("wasm/tracklens.wasm");
@@ -186,7 +192,7 @@ fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: 
     if let Some(optimiser) = optimiser {
         let wasm = folder.join(part.wasm());
         let mut command = optimiser.command();
-        command.arg(part.optimise).args(WASM_OPT);
+        command.arg(if part.fast { "-O3" } else { "-Oz" }).args(WASM_OPT);
         run::run(command.arg(&wasm).arg("-o").arg(&wasm))?;
     }
     for file in part.generated() {
