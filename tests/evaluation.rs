@@ -238,7 +238,7 @@ fn figures_say_where_their_plot_lies() {
         assert!(drawn.y[0] > 0.0 && drawn.y[1] >= 0.3);
     }
     assert_eq!(evaluation_figures(&report).expect("figures").len(), 3);
-    assert!(matrix(&report, &[], theme, 10).is_err());
+    assert!(capability(&report, None, theme, 10).is_err());
     // One keypoint, and no error at all.
     let mut odd = report;
     for row in &mut odd.errors {

@@ -59,7 +59,7 @@ pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
                     (report.version) }
                 p.lead { (lead(report)) }
                 @if !report.warnings.is_empty() {
-                    ul { @for warning in &report.warnings { li { (warning) } } }
+                    ul { @for warning in &report.warnings { li { (prose(warning)) } } }
                 }
                 (objects(report))
                 p { (protocol(report)) }
@@ -77,6 +77,15 @@ pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
         }
     };
     Ok(page.into_string())
+}
+
+/// Text with names between backticks.
+fn prose(text: &str) -> Markup {
+    html! {
+        @for (i, part) in text.split('`').enumerate() {
+            @if i % 2 == 1 { code { (part) } } @else { (part) }
+        }
+    }
 }
 
 fn keypoints(report: &EvaluationReport) -> usize {
