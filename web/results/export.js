@@ -67,7 +67,7 @@ export function exportView(session) {
       session.table &&
         item("save-keypoints", "Keypoints (CSV)", () => save("keypoints.csv", "text/csv", session.table?.toCsv() ?? "")),
     ),
-    h("p", { class: "hint-line" }, "The JSON can be dropped here again. Figures are saved below each of them."),
+    h("p", { class: "hint-line" }, "Figures are saved below each of them."),
     repeat,
   );
   const update = () => {
