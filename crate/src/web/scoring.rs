@@ -7,13 +7,13 @@ use js_sys::{Float64Array, Object, Reflect};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::frames::{FrameIndex, sequences_to_js};
+use super::frames::{FrameIndex, JsJoin, sequences_to_js};
 use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
-use crate::report::{EvaluationReport, Inputs, IntervalsReport, JoinReport, Request};
+use crate::report::{EvaluationReport, Inputs, IntervalsReport, Request};
 use crate::scoring;
 use crate::track::FrameKey;
 
@@ -21,7 +21,7 @@ use crate::track::FrameKey;
 #[wasm_bindgen]
 pub struct Scoring {
     scoring: scoring::Scoring,
-    join: JoinReport,
+    join: JsJoin,
     policy: NonFinite,
 }
 
@@ -144,7 +144,7 @@ impl Scoring {
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
         let scoring = scoring::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
-        let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
+        let join = JsJoin::new(scoring.join(), keypoints.keys(), truth.keys());
         Ok(Self {
             scoring,
             join,
@@ -220,7 +220,7 @@ impl Scoring {
     /// When an option is not understood.
     pub fn evaluate(&self, options: JsValue) -> JsResult<JsValue> {
         let request = ScoreOptions::request(options, "evaluate")?;
-        let report = request.evaluate(&self.scoring, &self.join);
+        let report = request.evaluate(&self.scoring, &self.join.report);
         to_js(&report.map_err(|e| js_error(&e))?)
     }
 

@@ -30,7 +30,7 @@ pub struct Page {
     pub driver: WebDriver,
     origin: String,
     chromedriver: Child,
-    _profile: tempfile::TempDir,
+    profile: tempfile::TempDir,
 }
 
 /// The folder of the built site.
@@ -124,7 +124,7 @@ impl Page {
             driver,
             origin,
             chromedriver,
-            _profile: profile,
+            profile,
         };
         let watch = json!({ "source": format!("{WATCH}\n{script}") });
         page.driver
@@ -136,6 +136,11 @@ impl Page {
         page.until("!document.querySelector('#try-example').disabled")
             .await;
         page
+    }
+
+    /// The folder of the browser's profile, which its processes name.
+    pub fn profile(&self) -> &Path {
+        self.profile.path()
     }
 
     /// The value of a JavaScript expression.
