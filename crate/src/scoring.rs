@@ -1,6 +1,6 @@
 //! Ground truth and keypoints, joined and scored: what the terminal and the page both do.
 
-use ndarray::{Array2, Array3, Axis};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
@@ -32,6 +32,21 @@ pub struct Series {
     pub keypoint: Array2<f64>,
     /// The keypoint under the fitted map, ndc.
     pub transformed_ndc: Array2<f64>,
+}
+
+/// How far a keypoint under its map is from an object in one sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SequenceError {
+    /// The joined frames of the sequence, and its name.
+    pub range: SequenceRange,
+    /// Frames in which the object is visible.
+    pub frames: u64,
+    /// The mean squared distance over these frames, ndc.
+    pub error: f64,
+    /// The joined frame with the largest squared distance, the first on ties.
+    pub worst: usize,
+    /// That squared distance.
+    pub worst_error: f64,
 }
 
 impl Scoring {
@@ -151,6 +166,11 @@ impl Scoring {
         Ok(objects)
     }
 
+    /// The N keypoints (x, y) of joined frame `t` as they are, N x 2; `None` past the last frame.
+    pub fn keypoints(&self, t: usize) -> Option<ArrayView2<'_, f64>> {
+        (t < self.keys.len()).then(|| self.keypoints.index_axis(Axis(0), t))
+    }
+
     /// The points of object `k` and keypoint `n` with the map that `settings` fit.
     ///
     /// # Errors
@@ -179,5 +199,66 @@ impl Scoring {
             keypoint,
             transformed_ndc,
         })
+    }
+
+    /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit, in every joined frame
+    /// (ndc); NaN where the object is not visible or the frame was left out.
+    ///
+    /// # Errors
+    /// As [`Scoring::series`].
+    pub fn distances(&self, k: usize, n: usize, settings: &Settings) -> Result<Vec<f64>> {
+        let series = self.series(k, n, settings)?;
+        let points = series
+            .truth_ndc
+            .outer_iter()
+            .zip(series.transformed_ndc.outer_iter());
+        let distance = |(t, (x, z)): (usize, (ArrayView1<f64>, ArrayView1<f64>))| {
+            let counts = self
+                .keypoints
+                .index_axis(Axis(0), t)
+                .iter()
+                .all(|v| v.is_finite());
+            if counts {
+                (x[0] - z[0]).powi(2) + (x[1] - z[1]).powi(2)
+            } else {
+                f64::NAN
+            }
+        };
+        Ok(points.enumerate().map(distance).collect())
+    }
+
+    /// The error of object `k` with keypoint `n` by the sequence, the worst one first; sequences that do not show the
+    /// object are left out. The map is the one of all frames.
+    ///
+    /// # Errors
+    /// As [`Scoring::series`].
+    pub fn sequence_errors(&self, k: usize, n: usize, settings: &Settings) -> Result<Vec<SequenceError>> {
+        let distances = self.distances(k, n, settings)?;
+        let mut errors: Vec<SequenceError> = ranges(&self.keys)
+            .into_iter()
+            .filter_map(|range| {
+                let (mut frames, mut sum, mut worst) = (0_u64, 0.0, (range.start, f64::NEG_INFINITY));
+                let own = distances.iter().enumerate();
+                for (t, distance) in own.skip(range.start).take(range.length) {
+                    if distance.is_nan() {
+                        continue;
+                    }
+                    frames += 1;
+                    sum += distance;
+                    if *distance > worst.1 {
+                        worst = (t, *distance);
+                    }
+                }
+                (frames > 0).then(|| SequenceError {
+                    range,
+                    frames,
+                    error: sum / frames as f64,
+                    worst: worst.0,
+                    worst_error: worst.1,
+                })
+            })
+            .collect();
+        errors.sort_by(|a, b| b.error.total_cmp(&a.error));
+        Ok(errors)
     }
 }

@@ -4,6 +4,8 @@
 //! in the workers, figures once there is something to draw. Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-extraction")]
+mod decoder;
+#[cfg(feature = "web-extraction")]
 mod encoder;
 #[cfg(feature = "web-figures")]
 mod figure;
