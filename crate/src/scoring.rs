@@ -1,11 +1,14 @@
 //! Ground truth and keypoints, joined and scored: what the terminal and the page both do.
 
+use std::sync::{Arc, OnceLock};
+
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
+use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
-    Accumulator, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object, Settings, bootstrap,
+    Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object, Settings, deal,
     held_out,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
@@ -21,6 +24,7 @@ pub struct Scoring {
     join: Join,
     policy: NonFinite,
     moments: Moments,
+    by_sequence: OnceLock<Arc<[Moments]>>,
 }
 
 /// One object and one keypoint over the joined frames, T x 2 each.
@@ -49,6 +53,19 @@ pub struct SequenceError {
     pub worst_error: f64,
 }
 
+/// What others measure of the same data; see [`context`](crate::metric::context).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Context {
+    /// Each object from all keypoints, fitted and predicted on the same frames.
+    pub regression: Vec<Regression>,
+    /// The same on the folds that were not fitted, where there are folds.
+    pub held_out_regression: Option<Vec<Regression>>,
+    /// Keypoints matched to objects anew in every frame.
+    pub frames: Assignment,
+    /// Keypoints matched to objects once a sequence.
+    pub sequences: Assignment,
+}
+
 impl Scoring {
     /// Joins `keypoints` to `truth` and takes the moments of the joined frames.
     ///
@@ -72,6 +89,7 @@ impl Scoring {
             join,
             policy,
             moments: accumulator.finish(),
+            by_sequence: OnceLock::new(),
         })
     }
 
@@ -114,10 +132,10 @@ impl Scoring {
         held_out(&self.sequences()?, folds, seed, &objects, settings)
     }
 
-    /// 95 % intervals over the sequences; see [`bootstrap`].
+    /// 95 % intervals over the sequences; see [`Bootstrap`].
     ///
     /// # Errors
-    /// As [`Scoring::evaluate`] and [`bootstrap`].
+    /// As [`Scoring::evaluate`] and [`Bootstrap`].
     pub fn bootstrap(
         &self,
         resamples: usize,
@@ -125,12 +143,62 @@ impl Scoring {
         thresholds: &[(String, f64)],
         settings: &Settings,
     ) -> Result<Intervals> {
-        let objects = self.thresholds(thresholds)?;
-        bootstrap(&self.sequences()?, resamples, 0.95, seed, &objects, settings)
+        let (mut bootstrap, sequences) = self.start_bootstrap(seed, thresholds, settings)?;
+        bootstrap.draw(&sequences, resamples)?;
+        bootstrap.finish()
+    }
+
+    /// The start of [`Scoring::bootstrap`], and what to draw from.
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`].
+    pub fn start_bootstrap(
+        &self,
+        seed: u64,
+        thresholds: &[(String, f64)],
+        settings: &Settings,
+    ) -> Result<(Bootstrap, Arc<[Moments]>)> {
+        let bootstrap = Bootstrap::new(0.95, seed, self.thresholds(thresholds)?, *settings)?;
+        Ok((bootstrap, self.sequences()?))
+    }
+
+    /// What others measure of the same frames; with the number of folds and the seed that deals the sequences to them also
+    /// on frames that were not fitted.
+    ///
+    /// # Errors
+    /// When there are fewer than two folds, or fewer sequences than folds.
+    pub fn context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
+        let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
+        let sequences = ranges(&self.keys);
+        let held_out_regression = folds
+            .map(|(folds, seed)| {
+                let fold_of = deal(sequences.len(), folds, seed)?;
+                let ranges = sequences.iter().zip(&fold_of);
+                let fold_of: Vec<usize> = ranges
+                    .flat_map(|(range, fold)| std::iter::repeat_n(*fold, range.length))
+                    .collect();
+                regression(keypoints, truth, Some(&fold_of))
+            })
+            .transpose()?;
+        Ok(Context {
+            regression: regression(keypoints, truth, None)?,
+            held_out_regression,
+            frames: assignment(keypoints, truth, (0..self.keys.len()).map(|t| t..t + 1))?,
+            sequences: assignment(
+                keypoints,
+                truth,
+                sequences
+                    .iter()
+                    .map(|range| range.start..range.start + range.length),
+            )?,
+        })
     }
 
     /// The moments of each sequence.
-    fn sequences(&self) -> Result<Vec<Moments>> {
+    fn sequences(&self) -> Result<Arc<[Moments]>> {
+        if let Some(found) = self.by_sequence.get() {
+            return Ok(found.clone());
+        }
         let moments = |range: SequenceRange| {
             let (keypoints, objects) = (self.keypoints.dim().1, self.names.len());
             let mut accumulator = Accumulator::new(keypoints, objects, self.policy);
@@ -143,7 +211,11 @@ impl Scoring {
             }
             Ok(accumulator.finish())
         };
-        ranges(&self.keys).into_iter().map(moments).collect()
+        let all: Vec<Moments> = ranges(&self.keys)
+            .into_iter()
+            .map(moments)
+            .collect::<Result<_>>()?;
+        Ok(self.by_sequence.get_or_init(|| all.into()).clone())
     }
 
     /// The objects with the thresholds that are given, or their default.
