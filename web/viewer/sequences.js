@@ -66,6 +66,8 @@ export function sequenceList(session) {
   /** Height of a row in CSS pixels: text may be zoomed. */
   let rowHeight = 28;
   const draw = () => {
+    // The list also hears of its size when everything was removed.
+    if (!session.evaluation) return;
     const first = Math.max(0, Math.floor(list.scrollTop / rowHeight) - BEYOND);
     const last = Math.min(order.length, Math.ceil((list.scrollTop + list.clientHeight) / rowHeight) + BEYOND);
     const selected = shown();
@@ -100,12 +102,12 @@ export function sequenceList(session) {
         "aria-selected": String(selected),
         "aria-posinset": String(position + 1),
         "aria-setsize": String(order.length),
-        "aria-label": `${name}, ${count(length, "frame")}, ${seen ? `error ${significant(error)}` : "object not visible"}`,
         title: `${name}: ${count(length, "frame")}`,
         data: { tracked: seen ? String(error <= threshold) : "none", error: String(error), name },
         onclick: () => pick(sequence),
       },
       h("span", { class: "sequence-name" }, name),
+      h("span", { class: "visually-hidden" }, `, ${count(length, "frame")}, ${seen ? "error" : "object not visible"} `),
       bar,
       h("span", { class: "sequence-error" }, significant(error)),
     );
