@@ -56,7 +56,11 @@ async fn has_no_barrier(page: &Page, state: &str) {
 }
 
 async fn in_scheme(page: &Page, scheme: &str) {
-    let features = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+    // Without motion, or axe sees colours on their way from one scheme to the other.
+    let features = json!({ "features": [
+        { "name": "prefers-color-scheme", "value": scheme },
+        { "name": "prefers-reduced-motion", "value": "reduce" },
+    ] });
     page.cdp("Emulation.setEmulatedMedia", features).await;
 }
 
