@@ -38,7 +38,7 @@ async function answer(question) {
   }
 }
 
-/** @param {import("../files.js").Source} source */
+/** @param {import("./inside.js").Given} source */
 async function bytesOf({ path, blob }) {
   try {
     return new Uint8Array(await blob.arrayBuffer());

@@ -4,13 +4,16 @@
  * A worker of their own computes them, so that the page stays responsive.
  */
 
+import { blobOf, readError } from "../files.js";
+
 /**
  * @typedef {import("../session.js").Session} Session
  * @typedef {import("../files.js").Source} Source
  * @typedef {import("./scene.js").Heat} Heat
  * @typedef {{ width: number, height: number, weights: Float32Array }} Weights
- * @typedef {{ kind: "heat", checkpoint: Source, frame: Source, keypoint: number }
- *   | { kind: "image", checkpoint: Source, points: Float64Array }} Question
+ * @typedef {{ path: string, blob: Blob }} Given
+ * @typedef {{ kind: "heat", checkpoint: Given, frame: Given, keypoint: number }
+ *   | { kind: "image", checkpoint: Given, points: Float64Array }} Question
  * @typedef {{ map: Weights } | { image: ImageData } | { problem: string }} Answer
  */
 
@@ -66,7 +69,12 @@ export class Inside {
     const source = session.picture(frame);
     const keypoint = session.keypointOf(session.selection.object);
     if (!Inside.hasHeat(session) || !source || keypoint === null) return null;
-    const ask = (/** @type {Source} */ checkpoint) => ({ kind: /** @type {const} */ ("heat"), checkpoint, frame: source, keypoint });
+    const ask = async (/** @type {Given} */ checkpoint) => ({
+      kind: /** @type {const} */ ("heat"),
+      checkpoint,
+      frame: await given(source),
+      keypoint,
+    });
     const found = this.#of(session, `heat ${keypoint} ${frame}`, ask, (answer) =>
       "map" in answer ? placed(answer.map, session, frame) : null,
     );
@@ -81,7 +89,7 @@ export class Inside {
   image(session, frame) {
     const points = session.scoring?.keypointsAt(frame);
     if (!Inside.hasImage(session) || !points) return null;
-    const ask = (/** @type {Source} */ checkpoint) => ({ kind: /** @type {const} */ ("image"), checkpoint, points });
+    const ask = async (/** @type {Given} */ checkpoint) => ({ kind: /** @type {const} */ ("image"), checkpoint, points });
     const found = this.#of(session, `image ${frame}`, ask, (answer) => ("image" in answer ? answer.image : null));
     return /** @type {ImageData | null} */ (found);
   }
@@ -98,7 +106,7 @@ export class Inside {
   /**
    * @param {Session} session
    * @param {string} key
-   * @param {(checkpoint: Source) => Question} ask
+   * @param {(checkpoint: Given) => Promise<Question>} ask
    * @param {(answer: Answer) => Heat | ImageData | null} take
    */
   #of(session, key, ask, take) {
@@ -108,11 +116,13 @@ export class Inside {
       this.#known.set(key, known);
       return known;
     }
-    const { path, blob } = /** @type {Source} */ (session.used("checkpoint"));
-    const question = ask({ path, blob });
-    this.#next.set(question.kind, () => {
+    const checkpoint = session.used("checkpoint")?.source;
+    if (!checkpoint) return null;
+    // Of each kind only the last question counts.
+    this.#next.set(key.split(" ")[0], () => {
       if (this.#known.has(key)) return;
-      this.#ask(question, (answer) => {
+      const question = given(checkpoint).then(ask);
+      void this.#ask(question, (answer) => {
         this.#known.set(key, take(answer));
         const [oldest] = this.#known.keys();
         if (this.#known.size > KEPT) this.#known.delete(oldest);
@@ -132,26 +142,45 @@ export class Inside {
   }
 
   /**
-   * @param {Question} question
+   * @param {Promise<Question>} question
    * @param {(answer: Answer) => void} onAnswer
    */
-  #ask(question, onAnswer) {
+  async #ask(question, onAnswer) {
     this.#busy = true;
     this.#worker ??= new Worker(new URL("./inside-worker.js", import.meta.url), { type: "module" });
+    const worker = this.#worker;
     const settle = (/** @type {Answer} */ answer) => {
       this.#busy = false;
       onAnswer(answer);
       this.#advance();
     };
-    this.#worker.onmessage = ({ data }) => settle(data);
-    this.#worker.onerror = (event) => {
+    worker.onmessage = ({ data }) => settle(data);
+    worker.onerror = (event) => {
       event.preventDefault();
       // Its state is unknown: the next question gets a fresh one.
-      this.#worker?.terminate();
+      worker.terminate();
       this.#worker = null;
       settle({ problem: `That could not be computed (${event.message || "the worker could not be started"}).` });
     };
-    this.#worker.postMessage(question);
+    try {
+      worker.postMessage(await question);
+    } catch (error) {
+      // Unless everything was cleared meanwhile.
+      if (worker === this.#worker) settle({ problem: error instanceof Error ? error.message : String(error) });
+    }
+  }
+}
+
+/**
+ * A file as a worker can be given it.
+ * @param {Source} source
+ * @returns {Promise<Given>}
+ */
+async function given(source) {
+  try {
+    return { path: source.path, blob: await blobOf(source) };
+  } catch (error) {
+    throw new Error(readError(error, source.path));
   }
 }
 

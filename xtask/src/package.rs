@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::run;
-use crate::setup::{NPM_LOCK, WasmOpt, wasm_opt, wasm_toolchain};
+use crate::setup::{NPM_LOCK, WasmOpt, page_libraries, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes it.
@@ -107,6 +107,9 @@ pub fn build(workspace: &Workspace) -> Result<()> {
             None
         }
     };
+    if let Err(error) = page_libraries(workspace) {
+        eprintln!("warning: the page will not read videos: {error:#}");
+    }
     let package = workspace.package();
     for part in &PARTS {
         run::run(

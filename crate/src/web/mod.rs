@@ -3,6 +3,8 @@
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
 //! in the workers, figures once there is something to draw. Objects of one part mean nothing to another one.
 
+#[cfg(feature = "web-scoring")]
+mod containers;
 #[cfg(feature = "web-extraction")]
 mod decoder;
 #[cfg(feature = "web-extraction")]

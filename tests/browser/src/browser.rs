@@ -21,7 +21,7 @@ pub enum Browser {
 pub(crate) struct Session {
     pub driver: WebDriver,
     process: Child,
-    _profile: tempfile::TempDir,
+    pub profile: tempfile::TempDir,
 }
 
 /// Longer than a browser needs to start on a busy machine.
@@ -59,7 +59,7 @@ impl Browser {
         Session {
             driver,
             process,
-            _profile: profile,
+            profile,
         }
     }
 

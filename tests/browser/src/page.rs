@@ -19,7 +19,7 @@ pub struct Page {
     pub driver: WebDriver,
     /// What serves it.
     pub server: Server,
-    _session: Session,
+    session: Session,
 }
 
 /// The folder of the built site.
@@ -104,7 +104,7 @@ impl Page {
         let page = Self {
             driver: session.driver.clone(),
             server,
-            _session: session,
+            session: session,
         };
         if browser == Browser::Chromium {
             let source = json!({ "source": format!("{WATCH}\n{script}") });
@@ -123,6 +123,11 @@ impl Page {
     pub async fn cdp(&self, command: &str, parameters: Value) -> Value {
         let sent = self.driver.cdp().send_raw(command, parameters).await;
         sent.unwrap_or_else(|e| panic!("{command}: {e}"))
+    }
+
+    /// The folder of the browser's profile, which its processes name.
+    pub fn profile(&self) -> &Path {
+        self.session.profile.path()
     }
 
     /// The value of a JavaScript expression.

@@ -16,7 +16,9 @@ use crate::workspace::Workspace;
 pub use browser::{browsers, chromium};
 pub use cluster::cluster;
 pub use gpu::lavapipe;
-pub use node::{NPM_LOCK, PAGE_PEERS, WasmOpt, axe, node, npm_packages, wasm_opt};
+pub use node::{
+    NPM_LOCK, PAGE_PEERS, WasmOpt, axe, node, npm_packages, page_files, page_libraries, wasm_opt,
+};
 pub use python::python;
 pub use wasm::wasm_toolchain;
 
