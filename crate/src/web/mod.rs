@@ -50,7 +50,7 @@ fn js_error(error: &Error) -> JsValue {
 }
 
 /// Plain JavaScript objects; `None` becomes null.
-#[cfg(any(feature = "web-scoring", feature = "web-extraction"))]
+#[cfg(any(feature = "web-scoring", feature = "web-extraction", feature = "web-figures"))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)
