@@ -80,7 +80,7 @@ export function sequencesView(session) {
     const now = `${object} ${keypoint} ${session.options.transform} ${session.options.rank}`;
     if (now !== key) {
       key = now;
-      errors = session.sequenceErrors(object, keypoint);
+      errors = session.errorsBySequence(object, keypoint);
       fill(sequenceList, ...errors.slice(0, SHOWN).map((worst) => sequenceItem(session, worst)));
       fill(frameList, ...session.worstFrames(object, keypoint, SHOWN).map((worst) => frameItem(session, worst)));
       sequencePart.hidden = errors.length < 2;

@@ -12,6 +12,7 @@ use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
+use crate::error::Error;
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
 use crate::report::{EvaluationReport, Inputs, IntervalsReport, Request};
 use crate::scoring;
@@ -293,6 +294,21 @@ impl Scoring {
             options: inputs.options,
         };
         request.command(&inputs, self.policy).map_err(|e| js_error(&e))
+    }
+
+    /// The keypoints of a joined frame, N x 2.
+    ///
+    /// # Errors
+    /// When there is no such frame.
+    #[wasm_bindgen(js_name = keypointsAt)]
+    pub fn keypoints_at(&self, frame: usize) -> JsResult<Vec<f64>> {
+        let points = self.scoring.keypoints(frame).ok_or_else(|| {
+            let frames = self.frames();
+            js_error(&Error::input(format!(
+                "there is no frame {frame}; expected one below {frames}"
+            )))
+        })?;
+        Ok(points.iter().copied().collect())
     }
 
     /// An object, a keypoint, and the keypoint under its map, over the joined frames.
