@@ -1,14 +1,11 @@
 //! What the page makes of a score, in headless Chromium: figures that react, held-out folds and intervals, files.
 
-#[allow(dead_code, reason = "every file of tests uses its part")]
-mod browser;
-
 use std::fs;
 use std::path::Path;
 
-use browser::{Page, example, tracklens};
 use serde_json::Value;
 use thirtyfour::{By, Key};
+use tracklens_page_tests::{Page, example, tracklens};
 
 fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
