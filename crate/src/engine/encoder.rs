@@ -6,7 +6,7 @@ use super::buffer::Buffer;
 use super::gemm;
 use super::layer::{Layer, PlannedLayer};
 use super::map::Map;
-use super::softargmax::SoftArgmax;
+use super::softargmax::{SoftArgmax, softmax};
 use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig, TEMPERATURE};
 use crate::data::{Filter, Frame, Pixels};
 use crate::error::{Error, Result};
@@ -26,6 +26,15 @@ pub struct Workspace {
     /// What comes out.
     back: Buffer,
     scratch: Buffer,
+}
+
+/// The softmax of one keypoint's last feature map: the weights whose mean position the keypoint is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeatMap {
+    /// The number of columns. The centres of the border cells are -1 and +1 of the latent space.
+    pub width: usize,
+    /// Row by row from the top; their sum is 1.
+    pub weights: Vec<f32>,
 }
 
 impl Encoder {
@@ -75,13 +84,42 @@ impl Encoder {
     /// # Errors
     /// As [`Encoder::run`].
     pub fn extract(&self, workspace: &mut Workspace, frame: &Frame) -> Result<Vec<[f32; 2]>> {
+        self.with_input(frame, |input, size| self.points(workspace, input, size))
+    }
+
+    /// The weights behind keypoint `n` of a frame, which is resized as in [`Encoder::extract`].
+    ///
+    /// # Errors
+    /// When there is no keypoint `n`; as [`Encoder::run`].
+    pub fn heat_map(&self, workspace: &mut Workspace, frame: &Frame, n: usize) -> Result<HeatMap> {
+        if n >= self.config.keypoints {
+            return Err(Error::input(format!(
+                "there is no keypoint {n}; expected one below {}",
+                self.config.keypoints
+            )));
+        }
+        let map = self.with_input(frame, |input, size| self.maps(workspace, input, size, false))?;
+        let channel = workspace.front[n..map.len()].iter().step_by(map.channels);
+        let values: Vec<f32> = channel.copied().collect();
+        let weights = softmax(&values, self.temperature);
+        if weights.iter().any(|weight| !weight.is_finite()) {
+            return Err(not_finite(n));
+        }
+        Ok(HeatMap {
+            width: map.size[0],
+            weights,
+        })
+    }
+
+    /// What `run` makes of a frame in the encoder's input size, if it has one.
+    fn with_input<T>(&self, frame: &Frame, run: impl FnOnce(Input, [usize; 2]) -> Result<T>) -> Result<T> {
         let own = [frame.width() as usize, frame.height() as usize];
         match self.config.input_size {
             Some(size) if size != own => {
                 let planes = frame.to_planar(Some(size), Filter::BilinearAntialias);
-                self.run(workspace, &planes, size)
+                run(Input::Planes(&planes), size)
             }
-            _ => self.points(workspace, Input::Pixels(frame.pixels()), own),
+            _ => run(Input::Pixels(frame.pixels()), own),
         }
     }
 
@@ -225,9 +263,13 @@ pub(crate) fn finite(keypoints: Vec<[f32; 2]>) -> Result<Vec<[f32; 2]>> {
         .iter()
         .position(|point| point.iter().any(|v| !v.is_finite()))
     {
-        Some(n) => Err(Error::numeric(format!(
-            "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged training do"
-        ))),
+        Some(n) => Err(not_finite(n)),
         None => Ok(keypoints),
     }
+}
+
+fn not_finite(n: usize) -> Error {
+    Error::numeric(format!(
+        "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged training do"
+    ))
 }

@@ -351,7 +351,7 @@ impl Weights<'_> {
 }
 
 /// Scale and shift per channel of a batch norm in evaluation.
-fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>)> {
+pub(super) fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>)> {
     let part = |part: &str| checkpoint.tensor(&format!("{name}.{part}")).map(|t| &t.data);
     let (weight, bias) = (part("weight")?, part("bias")?);
     let (mean, variance) = (part("running_mean")?, part("running_var")?);

@@ -11,6 +11,7 @@
 //! reused by the following ones.
 
 mod buffer;
+mod decoder;
 mod direct;
 mod encoder;
 mod gemm;
@@ -22,7 +23,8 @@ mod softargmax;
 mod winograd;
 
 pub use crate::checkpoint::LatentGrid;
+pub use decoder::Decoder;
 #[cfg(feature = "model")]
 pub(crate) use encoder::finite;
-pub use encoder::{Encoder, Workspace};
+pub use encoder::{Encoder, HeatMap, Workspace};
 pub use layer::PlannedLayer;
