@@ -619,7 +619,7 @@ export class Session extends EventTarget {
     const errors = new Float64Array(this.sequences.length).fill(NaN);
     const keypoint = this.keypointOf(object);
     if (!this.scoring || keypoint === null) return errors;
-    const found = this.scoring.sequenceErrors(object, keypoint, this.#scoreOptions());
+    const found = this.errorsBySequence(object, keypoint);
     const byStart = new Map(found.map(({ start, error }) => [start, error]));
     return errors.map((_, i) => byStart.get(this.sequences[i].start) ?? NaN);
   }

@@ -104,7 +104,7 @@ impl Page {
         let page = Self {
             driver: session.driver.clone(),
             server,
-            session: session,
+            session,
         };
         if browser == Browser::Chromium {
             let source = json!({ "source": format!("{WATCH}\n{script}") });
