@@ -1,12 +1,17 @@
 //! A site, a driver and a browser for one test.
 
+use std::future::ready;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use axum::extract::Request;
+use axum::middleware::map_request;
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
+use tower_http::services::ServeDir;
 
 /// Longer than anything takes on a busy machine; a test that waits this long has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -26,9 +31,13 @@ const WATCH: &str = r#"
 pub struct Page {
     pub driver: WebDriver,
     origin: String,
+    asked: Asked,
     chromedriver: Child,
     _profile: tempfile::TempDir,
 }
+
+/// What was asked of the server, path by path.
+type Asked = Arc<Mutex<Vec<String>>>;
 
 /// The folder of the built site.
 pub fn site() -> PathBuf {
@@ -62,21 +71,39 @@ fn from_environment(name: &str) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Serves the site on a free port of the loopback for as long as the runtime of the test lives.
-async fn serve(site: PathBuf) -> String {
+/// Serves the site on a free port of the loopback for as long as the runtime of the test lives, and with it what tests put
+/// in the place of a script.
+async fn serve(site: PathBuf, asked: Asked) -> String {
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0")
         .await
         .expect("a free port");
     let address = listener.local_addr().expect("an address");
-    let files = tower_http::services::ServeDir::new(site);
-    tokio::spawn(async move { axum::serve(listener, axum::Router::new().fallback_service(files)).await });
+    let hooks = Path::new(env!("CARGO_MANIFEST_DIR")).join("hooks");
+    let files = ServeDir::new(site).fallback(ServeDir::new(hooks));
+    let note = move |request: Request| {
+        asked
+            .lock()
+            .expect("no test panicked in between")
+            .push(request.uri().path().to_owned());
+        ready(request)
+    };
+    let router = axum::Router::new()
+        .fallback_service(files)
+        .layer(map_request(note));
+    tokio::spawn(async move { axum::serve(listener, router).await });
     format!("http://{address}")
 }
 
 impl Page {
     /// Opens the page and waits until it is ready.
     pub async fn open() -> Self {
-        let origin = serve(site()).await;
+        Self::open_with("", &[]).await
+    }
+
+    /// Opens the page with a query, in a browser with further arguments.
+    pub async fn open_with(query: &str, arguments: &[&str]) -> Self {
+        let asked = Asked::default();
+        let origin = serve(site(), Arc::clone(&asked)).await;
         let port = TcpListener::bind("127.0.0.1:0")
             .and_then(|l| l.local_addr())
             .expect("a free port")
@@ -104,6 +131,9 @@ impl Page {
         ] {
             capabilities.add_arg(argument).expect("an argument");
         }
+        for argument in arguments {
+            capabilities.add_arg(argument).expect("an argument");
+        }
         let start = Instant::now();
         let driver = loop {
             match WebDriver::new(format!("http://127.0.0.1:{port}"), capabilities.clone()).await {
@@ -115,6 +145,7 @@ impl Page {
         let page = Self {
             driver,
             origin,
+            asked,
             chromedriver,
             _profile: profile,
         };
@@ -124,10 +155,17 @@ impl Page {
             .send_raw("Page.addScriptToEvaluateOnNewDocument", watch)
             .await
             .expect("a watch");
-        page.driver.goto(&page.origin).await.expect("the page");
+        let address = format!("{}/{query}", page.origin);
+        page.driver.goto(address).await.expect("the page");
         page.until("!document.querySelector('#try-example').disabled")
             .await;
         page
+    }
+
+    /// Whether this path was asked for.
+    pub fn asked_for(&self, path: &str) -> bool {
+        let asked = self.asked.lock().expect("no test panicked in between");
+        asked.iter().any(|other| other == path)
     }
 
     /// The value of a JavaScript expression.
