@@ -3,15 +3,27 @@
  *
  * All points are (x, y). Space `ndc`: x to the right, y down, -1 and +1 at the outer edges of the image.
  * Keypoints of an encoder are in its latent space (+-1 at the centres of the border cells of its last feature
- * map), which {@link Encoder.toImage} places in the image. Every call that takes user data throws an `Error`
+ * map), which {@link latentToImage} places in the image. Every call that takes user data throws an `Error`
  * whose message says what was wrong, where and what to do; `error.kind` is one of
  * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`.
  *
  * Objects of the classes live in WebAssembly memory: call `free()` when done with large ones.
  */
 
-/** Loads the module once; later calls return the same promise. In Node.js no argument is needed. */
-export default function init(module?: BufferSource | URL | string | Response): Promise<void>;
+/**
+ * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
+ * is not said to be of another part), `extraction` ({@link Encoder}) and `figures`.
+ */
+export type Part = "scoring" | "extraction" | "figures";
+
+/** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
+export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
+
+/** Loads parts, all of them unless named, each once. Nothing of a part works before; scoring alone is a small download. */
+export default function init(parts?: Part[] | Partial<Record<Part, PartSource>>): Promise<void>;
+
+/** Compiles a part without loading it, to post it to workers: there `init({ extraction: module })` starts at once. */
+export function compile(part: Part): Promise<WebAssembly.Module>;
 
 /** The version of the package. */
 export function version(): string;
@@ -122,6 +134,8 @@ export interface EncoderInfo {
   /** Width and height frames are resized to, or `null`: taken as they are. */
   inputSize: [number, number] | null;
   encoderChannels: number[];
+  /** All sizes, as JSON; for {@link latentToImage}. */
+  config: string;
   /** The free-form metadata of the file. */
   metadata: Record<string, string>;
 }
@@ -133,18 +147,32 @@ export interface Extraction {
   /** Size of the image. */
   width: number;
   height: number;
+  free(): void;
 }
 
-/** The encoder of a checkpoint (`.safetensors`, PyTorch's `.pth`, burn's `.bpk`; its content says which), on the CPU. */
+/**
+ * Places latent points (any number x 2) of the encoder with this {@link EncoderInfo.config} in an image of
+ * `width` x `height` (ndc).
+ */
+export function latentToImage(config: string, points: Float64Array, width: number, height: number): Float64Array;
+
+/**
+ * The encoder of a checkpoint (`.safetensors`, PyTorch's `.pth`, burn's `.bpk`; its content says which), on the CPU.
+ * Part `extraction`.
+ */
 export class Encoder {
   constructor(bytes: Uint8Array, name: string);
   readonly info: EncoderInfo;
   /** Decodes a PNG, JPEG or WebP image and extracts its keypoints. */
   extract(image: Uint8Array, name: string): Extraction;
-  /** Places latent points (any number x 2) of a `width` x `height` image in the image (ndc). */
-  toImage(points: Float64Array, width: number, height: number): Float64Array;
   free(): void;
 }
+
+/**
+ * Bytes of memory that this instance of the part `extraction` holds: weights, and what its largest frame took. It never
+ * shrinks.
+ */
+export function extractionMemory(): number;
 
 /** How to score. Thresholds belong to the mean squared distance in ndc. */
 export interface ScoreOptions {
@@ -229,7 +257,7 @@ export class Scoring {
   free(): void;
 }
 
-/** A line over frames. */
+/** A line over frames. Figures are of the part `figures`. */
 export interface LineSeries {
   label: string;
   /** CSS hex colour, `#rrggbb`. */

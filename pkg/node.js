@@ -1,18 +1,13 @@
-// The package in Node.js: the WebAssembly file is read from beside this one.
+// The package in Node.js: WebAssembly files are read from beside this one.
 import { readFile } from "node:fs/promises";
-import load from "./tracklens.js";
+import { initBy, wasmOf } from "./parts.js";
 
-let loading;
-
-export default function init(module) {
-  loading ??= (async () => {
-    const bytes = module ?? (await readFile(new URL("./tracklens_bg.wasm", import.meta.url)));
-    await load({ module_or_path: bytes });
-  })().catch((error) => {
-    loading = undefined;
-    throw error;
-  });
-  return loading;
+export async function compile(part) {
+  return WebAssembly.compile(await readFile(wasmOf(part)));
 }
 
-export * from "./tracklens.js";
+export default initBy(compile);
+
+export * from "./tracklens_scoring.js";
+export * from "./tracklens_extraction.js";
+export * from "./tracklens_figures.js";

@@ -4,17 +4,17 @@
 import { version } from "./pkg/index.js";
 import { announce, byId } from "./dom.js";
 import { fetchExample } from "./example.js";
+import { WorkerPool } from "./extraction-pool.js";
 import { showExtraction } from "./extraction-view.js";
-import { workerExtractor } from "./extractor.js";
 import { showFiles } from "./files-view.js";
 import { fromDrop, fromInput } from "./files.js";
 import { showResults } from "./results.js";
 import { Session } from "./session.js";
 import { showViewer } from "./viewer.js";
 
-/** Starts the page; the package is loaded. */
+/** Starts the page; the scoring part of the package is loaded. */
 export function start() {
-  const session = new Session(workerExtractor);
+  const session = new Session(new WorkerPool());
   showFiles(session);
   showExtraction(session);
   showResults(session);

@@ -1,41 +1,71 @@
 // @ts-check
-/** The worker of `extractor.js`: its own instance of the package, one encoder, a frame at a time. */
+/** A worker of `extraction-pool.js`: its own instance of the extraction, one encoder, a frame at a time. */
 
-import init, { Encoder } from "./pkg/index.js";
+import init, { Encoder, extractionMemory } from "./pkg/index.js";
 
 /**
  * @typedef {import("./files.js").Source} Source
- * @typedef {{ type: "open", checkpoint: Source } | { type: "extract", frame: Source }} Request
- * @typedef {{ type: "opened" }
- *   | ({ type: "extracted" } & import("./extractor.js").Extracted)
+ * @typedef {{ type: "open", module: WebAssembly.Module, source: Source } | { type: "extract", source: Source }} Request
+ * @typedef {{ type: "started" }
+ *   | { type: "opened", info: import("./pkg/index.js").EncoderInfo, memory: number }
+ *   | ({ type: "extracted", memory: number } & import("./extractor.js").Extracted)
  *   | { type: "failed", message: string }
  *   | { type: "crashed", message: string }} Reply
  */
 
+const READABLE = 2 ** 31;
+
 /** @type {Encoder | undefined} */
 let encoder;
+/** Requests are answered one after the other. */
+let last = started();
 
-self.onmessage = async (/** @type {MessageEvent<Request>} */ { data }) => {
-  self.postMessage(await answer(data));
+self.onmessage = (/** @type {MessageEvent<Request>} */ { data }) => {
+  // Read while the request before is computed; a failure is told when this one's turn comes.
+  const bytes = bytesOf(data.source);
+  bytes.catch(() => {});
+  last = last.then(async () => {
+    const reply = await answer(data, bytes);
+    self.postMessage(reply, { transfer: reply.type === "extracted" ? [reply.points.buffer] : [] });
+  });
 };
+
+/** Holds a lock for as long as the worker lives: nothing else tells the page of a worker that ended without a word. */
+async function started() {
+  if (navigator.locks) {
+    await new Promise((held) => {
+      void navigator.locks.request(self.name, () => {
+        held(undefined);
+        return new Promise(() => {});
+      });
+    });
+  }
+  self.postMessage({ type: "started" });
+}
 
 /**
  * @param {Request} request
+ * @param {Promise<Uint8Array>} bytes
  * @returns {Promise<Reply>}
  */
-async function answer(request) {
+async function answer(request, bytes) {
   try {
+    const { path } = request.source;
     if (request.type === "open") {
-      await init();
-      encoder = new Encoder(await bytesOf(request.checkpoint), request.checkpoint.path);
-      return { type: "opened" };
+      await init({ extraction: request.module });
+      encoder = new Encoder(await bytes, path);
+      return { type: "opened", info: encoder.info, memory: extractionMemory() };
     }
     if (!encoder) throw new Error("no checkpoint was opened");
-    const { points, width, height } = encoder.extract(await bytesOf(request.frame), request.frame.path);
-    return { type: "extracted", points, width, height };
+    const extraction = encoder.extract(await bytes, path);
+    const { points, width, height } = extraction;
+    extraction.free();
+    return { type: "extracted", points, width, height, memory: extractionMemory() };
   } catch (error) {
     const message = error instanceof Error ? error.message : String(error);
-    return { type: error instanceof WebAssembly.RuntimeError ? "crashed" : "failed", message };
+    if (!(error instanceof WebAssembly.RuntimeError)) return { type: "failed", message };
+    // After a trap the instance is in an unknown state.
+    return { type: "crashed", message: `${message}, as when memory runs out` };
   }
 }
 
@@ -44,6 +74,7 @@ async function bytesOf({ path, blob }) {
   try {
     return new Uint8Array(await blob.arrayBuffer());
   } catch {
+    if (blob.size >= READABLE) throw new Error(`${path} is larger than the 2 GiB that browsers read at once`);
     throw new Error(`${path} can no longer be read: it was changed or removed after it was dropped; drop it again`);
   }
 }

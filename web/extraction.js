@@ -4,7 +4,7 @@
 /**
  * @typedef {import("./files.js").Source} Source
  * @typedef {import("./extractor.js").Extracted} Extracted
- * @typedef {import("./extractor.js").Extractor} Extractor
+ * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {"idle" | "running" | "cancelled" | "failed"} Status
  */
 
@@ -19,20 +19,15 @@ export class Extraction {
   /** @type {Map<string, string>} Why a frame has no keypoints, by path. */
   failures = new Map();
 
-  #extractor;
-  #checkpoint;
+  #encoder;
   /** @type {AbortController | null} */
   #abort = null;
   #started = 0;
   #doneInRun = 0;
 
-  /**
-   * @param {Extractor} extractor
-   * @param {Source} checkpoint
-   */
-  constructor(extractor, checkpoint) {
-    this.#extractor = extractor;
-    this.#checkpoint = checkpoint;
+  /** @param {OpenEncoder} encoder */
+  constructor(encoder) {
+    this.#encoder = encoder;
   }
 
   /**
@@ -60,8 +55,7 @@ export class Extraction {
       onProgress();
     };
     try {
-      await this.#extractor.extract({
-        checkpoint: this.#checkpoint,
+      await this.#encoder.extract({
         frames: this.pending(frames),
         signal: abort.signal,
         onFrame: (path, extracted) => {

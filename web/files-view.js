@@ -1,7 +1,7 @@
 // @ts-check
 /** The files taken, what is missing, what is wrong, and how frames found their rows. */
 
-import { Encoder, GroundTruthTable, KeypointTable } from "./pkg/index.js";
+import { GroundTruthTable, KeypointTable } from "./pkg/index.js";
 import { announce, byId, fill, h, icon, notice, prose } from "./dom.js";
 import { baseName, count, integer, names } from "./format.js";
 
@@ -148,7 +148,7 @@ function describe({ content }) {
   if (content instanceof KeypointTable) {
     return `${count(content.keypoints, "keypoint")} in ${count(content.frames, "frame")}`;
   }
-  if (content instanceof Encoder) {
+  if (content) {
     const { architecture, keypoints, inputSize } = content.info;
     const size = inputSize ? `, frames resized to ${inputSize[0]} × ${inputSize[1]}` : "";
     return `${architecture}, ${count(keypoints, "keypoint")}${size}`;

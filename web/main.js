@@ -10,7 +10,7 @@ for (const type of ["dragover", "drop"]) {
 
 try {
   const { default: init } = await import("./pkg/index.js");
-  await init();
+  await init(["scoring"]);
   const { start } = await import("./app.js");
   start();
 } catch (error) {

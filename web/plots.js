@@ -1,7 +1,7 @@
 // @ts-check
 /** x(t) and y(t) of an object over a sequence: drawn by plotters onto canvases, saved as SVG. */
 
-import { drawLines, linesToSvg } from "./pkg/index.js";
+import init, { drawLines, linesToSvg } from "./pkg/index.js";
 import { h, icon } from "./dom.js";
 import { save } from "./download.js";
 
@@ -58,8 +58,19 @@ export function plots(session) {
   });
 
   let scheduled = false;
-  const draw = () => {
+  const draw = async () => {
     scheduled = false;
+    try {
+      // Loaded when there is something to draw.
+      if (session.evaluation) await init(["figures"]);
+    } catch (error) {
+      const reason = error instanceof Error ? error.message : String(error);
+      for (const { caption } of figures) {
+        caption.hidden = false;
+        /** @type {HTMLElement} */ (caption.firstChild).textContent = `No plot: ${reason}. Reload the page to try again.`;
+      }
+      return;
+    }
     const colors = schemeColors();
     for (const { canvas, caption, component } of figures) {
       const title = drawOne(session, canvas, component, colors);
@@ -70,7 +81,7 @@ export function plots(session) {
   const schedule = () => {
     if (scheduled) return;
     scheduled = true;
-    requestAnimationFrame(draw);
+    requestAnimationFrame(() => void draw());
   };
   for (const topic of ["scoring", "evaluation", "selection"]) session.addEventListener(topic, schedule);
   // Zooming changes the pixels of a canvas without changing its size in the layout.
@@ -121,7 +132,7 @@ function describe(session, component, colors, fontSize) {
   const series = session.series(selection.object);
   const sequence = session.sequenceOf(selection.frame);
   if (!evaluation || !series || !sequence) return null;
-  const keypoint = evaluation.objects[selection.object].best_keypoint;
+  const keypoint = session.keypointOf(selection.object);
   const { start, at } = axisOf(session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length));
   const length = at[at.length - 1] + 1;
   const line = (/** @type {string} */ label, /** @type {string} */ color, /** @type {Float64Array} */ points) => {

@@ -5,12 +5,21 @@
  * same points) and `selection`.
  */
 
-import { Encoder, FrameIndex, GroundTruthTable, KeypointTable, Scoring, classify, joinFrames } from "./pkg/index.js";
+import {
+  FrameIndex,
+  GroundTruthTable,
+  KeypointTable,
+  Scoring,
+  classify,
+  joinFrames,
+  latentToImage,
+} from "./pkg/index.js";
 import { Extraction } from "./extraction.js";
 import { mapBounded } from "./files.js";
 import { count, names } from "./format.js";
 
 /**
+ * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./files.js").Source} Source
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
@@ -26,7 +35,7 @@ import { count, names } from "./format.js";
  * @property {Slot | "unknown"} role
  * @property {string} reason why it was taken for that
  * @property {"used" | "spare" | "broken" | "unknown"} state
- * @property {GroundTruthTable | Encoder | KeypointTable | null} content
+ * @property {GroundTruthTable | OpenEncoder | KeypointTable | null} content
  * @property {string} error why it is broken
  * @property {string[]} notices
  * @property {Extraction | null} extraction of a checkpoint
@@ -44,12 +53,11 @@ const HEAD_BYTES = 4096;
 
 /**
  * `imageSize` is that of the frames, for positions in pixels.
- * @type {Record<Slot, (bytes: Uint8Array, path: string, imageSize: [number, number] | undefined) =>
- *   GroundTruthTable | Encoder | KeypointTable>}
+ * @type {Record<Exclude<Slot, "checkpoint">, (bytes: Uint8Array, path: string, imageSize: [number, number] | undefined) =>
+ *   GroundTruthTable | KeypointTable>}
  */
 const PARSERS = {
   "ground-truth": (bytes, path, imageSize) => GroundTruthTable.parse(bytes, path, { imageSize }),
-  checkpoint: (bytes, path) => new Encoder(bytes, path),
   keypoints: (bytes, path, imageSize) => KeypointTable.parse(bytes, path, { imageSize }),
 };
 
@@ -97,6 +105,8 @@ export class Session extends EventTarget {
   frameNumbers = new Float64Array();
   /** Object and joined frame on display. */
   selection = { object: 0, frame: 0 };
+  /** Keypoints the user looks at in place of the best ones, by object. @type {Map<number, number>} */
+  #chosen = new Map();
 
   #extractor;
   /** Changes are made one after the other. @type {Promise<void>} */
@@ -143,7 +153,10 @@ export class Session extends EventTarget {
         this.#read("Reading", ++done, sources.length);
         return entry;
       });
-      if (!alive()) return;
+      if (!alive()) {
+        for (const entry of read) entry?.content?.free();
+        return;
+      }
       this.reading = null;
       let images = 0;
       for (const [i, entry] of read.entries()) {
@@ -269,9 +282,9 @@ export class Session extends EventTarget {
     return /** @type {GroundTruthTable | null} */ (this.used("ground-truth")?.content ?? null);
   }
 
-  /** @returns {Encoder | null} */
+  /** @returns {OpenEncoder | null} */
   get encoder() {
-    return /** @type {Encoder | null} */ (this.used("checkpoint")?.content ?? null);
+    return /** @type {OpenEncoder | null} */ (this.used("checkpoint")?.content ?? null);
   }
 
   /**
@@ -334,6 +347,27 @@ export class Session extends EventTarget {
     this.#emit("selection");
   }
 
+  /**
+   * The keypoint on display for an object: the chosen one, otherwise the best; `null` when it is visible in no frame.
+   * @param {number} object
+   */
+  keypointOf(object) {
+    const best = this.evaluation?.objects[object]?.best_keypoint ?? null;
+    return best === null ? null : (this.#chosen.get(object) ?? best);
+  }
+
+  /**
+   * Shows an object with a keypoint other than its best one.
+   * @param {number} object
+   * @param {number | null} keypoint `null` for the best one
+   */
+  choose(object, keypoint) {
+    if (keypoint === null) this.#chosen.delete(object);
+    else this.#chosen.set(object, keypoint);
+    this.selection = { ...this.selection, object };
+    this.#emit("selection");
+  }
+
   /** Width and height of the images, when it is known and the same for all. */
   get imageSize() {
     return this.#sizes.length === 1 ? this.#sizes[0] : null;
@@ -367,12 +401,12 @@ export class Session extends EventTarget {
   }
 
   /**
-   * The points of an object and its best keypoint, all in ndc; `null` when it has none.
+   * The points of an object and its keypoint on display, all in ndc; `null` when it has none.
    * @param {number} object
    */
   series(object) {
-    const keypoint = this.evaluation?.objects[object]?.best_keypoint;
-    if (!this.scoring || keypoint === null || keypoint === undefined) return null;
+    const keypoint = this.keypointOf(object);
+    if (!this.scoring || keypoint === null) return null;
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
     if (!series) {
@@ -434,10 +468,16 @@ export class Session extends EventTarget {
       entry.role = role;
       entry.reason = reason;
       if (role === "unknown") return entry;
-      entry.content = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path, size);
+      if (role === "checkpoint") {
+        const encoder = await this.#extractor.open({ path, blob });
+        entry.content = encoder;
+        entry.extraction = new Extraction(encoder);
+      } else {
+        const table = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path, size);
+        entry.content = table;
+        entry.notices.push(...table.notices);
+      }
       entry.state = "spare";
-      if (entry.content instanceof Encoder) entry.extraction = new Extraction(this.#extractor, { path, blob });
-      else entry.notices.push(...entry.content.notices);
     } catch (error) {
       entry.state = "broken";
       entry.error =
@@ -685,10 +725,11 @@ export class Session extends EventTarget {
   #place(points) {
     const { encoder } = this;
     if (!encoder || this.#sizes.length === 0) return points;
-    if (this.imageSize) return encoder.toImage(points, ...this.imageSize);
+    const { config } = encoder.info;
+    if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
     for (const [t, size] of this.#sizes.entries()) {
-      placed.set(encoder.toImage(points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
+      placed.set(latentToImage(config, points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
     }
     return placed;
   }
@@ -723,6 +764,7 @@ export class Session extends EventTarget {
     this.frameNumbers = new Float64Array();
     this.#pictures = [];
     this.#sizes = [];
+    this.#chosen.clear();
     this.#series.clear();
   }
 

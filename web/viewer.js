@@ -190,7 +190,7 @@ export function showViewer(session) {
   const showLegend = () => {
     const result = session.evaluation?.objects[session.selection.object];
     if (!result) return;
-    const keypoint = result.best_keypoint;
+    const keypoint = session.keypointOf(session.selection.object);
     const item = (/** @type {string} */ mark, /** @type {string} */ label) =>
       h("li", { data: { mark } }, icon(`mark-${mark}`, "mark"), label);
     fill(

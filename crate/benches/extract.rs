@@ -2,48 +2,19 @@
 //!
 //! `cargo bench -p tracklens --no-default-features --features engine --bench extract`
 
-use std::collections::BTreeMap;
+mod random;
+
 use std::time::Instant;
 
-use tracklens::checkpoint::{Architecture, Checkpoint, SaeConfig, Tensor};
+use tracklens::checkpoint::{Architecture, SaeConfig};
 use tracklens::engine::{Encoder, Workspace};
-
-/// Weights that keep activations in range; their values do not matter for the time.
-fn checkpoint() -> Checkpoint {
-    let config = SaeConfig::new(Architecture::BASIC);
-    let mut state = 0x2545_f491_4f6c_dd1d_u64;
-    let mut tensors = BTreeMap::new();
-    for (name, shape) in config.tensor_shapes() {
-        let fan_in: usize = shape.iter().skip(1).product();
-        let bound = 1.0 / (fan_in as f32).sqrt();
-        let data = (0..shape.iter().product())
-            .map(|_| {
-                state ^= state << 13;
-                state ^= state >> 7;
-                state ^= state << 17;
-                let uniform = (state >> 40) as f32 / (1u64 << 24) as f32;
-                if shape.len() == 1 {
-                    0.5 + uniform
-                } else {
-                    bound * (2.0 * uniform - 1.0)
-                }
-            })
-            .collect();
-        tensors.insert(name, Tensor { shape, data });
-    }
-    Checkpoint {
-        config,
-        tensors,
-        metadata: BTreeMap::new(),
-    }
-}
 
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
         .expect("one thread");
-    let encoder = Encoder::new(&checkpoint()).expect("an encoder");
+    let encoder = Encoder::new(&random::checkpoint(SaeConfig::new(Architecture::BASIC))).expect("an encoder");
     println!("{:>6} {:>12} {:>10}", "px", "median ms", "GFLOP/s");
     for (side, multiplications) in [(64usize, 0.155e9), (128, 0.622e9), (256, 2.52e9)] {
         let input: Vec<f32> = (0..3 * side * side)

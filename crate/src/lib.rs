@@ -38,7 +38,7 @@ pub mod train;
 
 #[cfg(feature = "cli")]
 pub mod cli;
-#[cfg(all(any(feature = "web", feature = "web-gpu"), target_arch = "wasm32"))]
+#[cfg(all(feature = "web-part", target_arch = "wasm32"))]
 pub mod web;
 
 pub use error::{Error, ErrorKind, Result};

@@ -2,6 +2,8 @@
 import assert from "node:assert/strict";
 import { readFile, readdir } from "node:fs/promises";
 import { before, test } from "node:test";
+import { Worker } from "node:worker_threads";
+import { gzipSync } from "node:zlib";
 
 import init, * as tracklens from "../../pkg/node.js";
 
@@ -136,4 +138,53 @@ test("tables in pixels are read with the size of their images", () => {
     /push\.csv: the positions are in pixels/,
   );
   assert.throws(() => tracklens.GroundTruthTable.parse(bytes, "push.csv", { size: [1, 1] }), /size/);
+});
+
+test("latent points are placed in an image by the configuration of their encoder", async () => {
+  const { encoder } = await extractAll();
+  // Three pools make 33 cells of 256 pixels, from pixel -3.5 to 252.5.
+  const [first, last] = [-3.5, 252.5].map((pixel) => (2 * pixel + 1) / 256 - 1);
+  const placed = tracklens.latentToImage(encoder.info.config, new Float64Array([-1, 1, 0, -1]), 256, 256);
+  const expected = [first, last, (first + last) / 2, first];
+  assert.ok(placed.every((v, i) => Math.abs(v - expected[i]) < 1e-12), `${placed}`);
+  assert.throws(() => tracklens.latentToImage("{}", new Float64Array(), 256, 256), /configuration of the encoder/);
+});
+
+test("a worker loads one part alone, from a module that was compiled elsewhere", async () => {
+  const script = `
+    import { parentPort, workerData } from "node:worker_threads";
+    const { default: init, Encoder, FrameIndex, extractionMemory } = await import(workerData.package);
+    const { name, module, weights, frame } = workerData;
+    await init({ extraction: module });
+    const { points } = new Encoder(weights, name).extract(frame, name);
+    let scoring = true;
+    try { new FrameIndex(["a/0.png"]); } catch { scoring = false; }
+    parentPort.postMessage({ points, scoring, memory: extractionMemory() });
+  `;
+  const workerData = {
+    package: new URL("../../pkg/node.js", import.meta.url).href,
+    name: "w.safetensors",
+    module: await tracklens.compile("extraction"),
+    weights: await golden("basic-vel-std-bg-tiny.safetensors"),
+    frame: await read("seq_0000/frame_000.png"),
+  };
+  const url = new URL(`data:text/javascript,${encodeURIComponent(script)}`);
+  const worker = new Worker(url, { workerData });
+  const found = await new Promise((resolve, reject) => worker.once("message", resolve).once("error", reject));
+  await worker.terminate();
+  const here = new tracklens.Encoder(workerData.weights, "w").extract(workerData.frame, "f");
+  assert.deepEqual(found.points, here.points);
+  assert.equal(found.scoring, false);
+  assert.ok(found.memory > 2 ** 20);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, figures/);
+});
+
+test("what a browser downloads stays small", async () => {
+  const pkg = new URL("../../pkg/", import.meta.url);
+  const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
+  const size = async (part) => (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
+  const [scoring, extraction, figures] = await Promise.all(["scoring", "extraction", "figures"].map(size));
+  const told = `gzipped bytes: scoring ${scoring}, extraction ${extraction}, figures ${figures}`;
+  assert.ok(scoring + extraction <= 350_000, told);
+  assert.ok(figures <= 150_000, told);
 });

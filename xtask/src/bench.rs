@@ -1,5 +1,7 @@
 //! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the machine.
 
+mod page;
+
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -21,6 +23,8 @@ pub enum Subject {
     Metric,
     /// A training step on all threads, against PyTorch eager.
     Train,
+    /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the time to the first TC.
+    Page,
 }
 
 /// One line that a benchmark prints with `--json`.
@@ -34,6 +38,7 @@ pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
     match subject {
         Subject::Metric => metric(workspace),
         Subject::Train => train(workspace),
+        Subject::Page => page::run(workspace),
     }
 }
 
@@ -114,7 +119,8 @@ fn comparison(ours: &[Timing], theirs: &[Timing]) -> Result<String> {
     if first.name != peer.name {
         bail!("the benchmark timed {:?}, its peer {:?}", first.name, peer.name);
     }
-    let (ours, theirs) = (median(ours), median(theirs));
+    let times = |timings: &[Timing]| timings.iter().map(|timing| timing.median_ms).collect();
+    let (ours, theirs) = (median(times(ours))?, median(times(theirs))?);
     let ratio = theirs / ours;
     Ok(format!(
         "{}: tracklens {ours:.3} ms, peer {theirs:.3} ms, ratio {ratio:.1}",
@@ -122,15 +128,16 @@ fn comparison(ours: &[Timing], theirs: &[Timing]) -> Result<String> {
     ))
 }
 
-fn median(timings: &[Timing]) -> f64 {
-    let mut times: Vec<_> = timings.iter().map(|timing| timing.median_ms).collect();
-    times.sort_by(f64::total_cmp);
-    let middle = times.len() / 2;
-    if times.len() % 2 == 1 {
-        times[middle]
-    } else {
-        (times[middle - 1] + times[middle]) / 2.0
+fn median(mut values: Vec<f64>) -> Result<f64> {
+    if values.is_empty() {
+        bail!("nothing was timed");
     }
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    Ok(match values.len() % 2 {
+        1 => values[middle],
+        _ => (values[middle - 1] + values[middle]) / 2.0,
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use anyhow::Result;
 
-use crate::package::LIBRARY;
+use crate::package::WHOLE;
 use crate::run;
 use crate::setup::wasm_toolchain;
 use crate::steps::Steps;
@@ -49,7 +49,7 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     steps.run("clippy: tracklens for wasm", || {
         run(wasm_toolchain(workspace)?
             .cargo("clippy")
-            .args(LIBRARY)
+            .args(WHOLE)
             .args(DENY_WARNINGS))
     });
     steps.run("docs", || {
@@ -60,7 +60,7 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     steps.run("docs for wasm", || {
         let mut cargo = wasm_toolchain(workspace)?.cargo("doc");
         run(cargo
-            .args(LIBRARY)
+            .args(WHOLE)
             .arg("--no-deps")
             .env("RUSTDOCFLAGS", "-D warnings"))
     });

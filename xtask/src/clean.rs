@@ -10,7 +10,7 @@ use crate::workspace::Workspace;
 use crate::{package, run};
 
 pub fn run(workspace: &Workspace, all: bool) -> Result<()> {
-    for file in package::GENERATED {
+    for file in package::generated() {
         removed(&workspace.package().join(file), |path| fs::remove_file(path))?;
     }
     removed(&workspace.site(), |path| fs::remove_dir_all(path))?;

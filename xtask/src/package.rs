@@ -16,23 +16,67 @@ use crate::run;
 use crate::setup::{NPM_LOCK, WasmOpt, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
+/// The parts of the package, each a WebAssembly module with its script, by the feature that makes it.
+pub const PARTS: [Part; 3] = [
+    Part {
+        name: "tracklens_scoring",
+        feature: "web-scoring",
+        optimise: "-Oz",
+    },
+    // What runs once a pixel: here time counts before size.
+    Part {
+        name: "tracklens_extraction",
+        feature: "web-extraction",
+        optimise: "-O3",
+    },
+    Part {
+        name: "tracklens_figures",
+        feature: "web-figures",
+        optimise: "-Oz",
+    },
+];
+
+/// A WebAssembly module of the package.
+pub struct Part {
+    /// Of its files.
+    name: &'static str,
+    feature: &'static str,
+    /// How wasm-opt optimises it.
+    optimise: &'static str,
+}
+
+impl Part {
+    fn wasm(&self) -> String {
+        format!("{}_bg.wasm", self.name)
+    }
+
+    fn script(&self) -> String {
+        format!("{}.js", self.name)
+    }
+
+    fn generated(&self) -> [String; 3] {
+        [self.script(), self.wasm(), format!("{}.d.ts", self.name)]
+    }
+}
+
 /// The files that are built into pkg/.
-pub const GENERATED: [&str; 3] = ["tracklens.js", WASM, "tracklens.d.ts"];
+pub fn generated() -> Vec<String> {
+    PARTS.iter().flat_map(Part::generated).collect()
+}
 
-const WASM: &str = "tracklens_bg.wasm";
-
-/// What cargo builds for wasm.
-pub const LIBRARY: [&str; 5] = [
+/// What cargo builds for wasm, to be completed with features.
+const LIBRARY: [&str; 4] = [
     "--package=tracklens",
     "--lib",
     "--no-default-features",
-    "--features=web",
     "--profile=wasm",
 ];
 
-/// Optimisation, and what the compiler may use of wasm, should the file not say so itself.
-const WASM_OPT: [&str; 9] = [
-    "-O3",
+/// The library with every part, as lints and docs look at it.
+pub const WHOLE: [&str; 5] = [LIBRARY[0], LIBRARY[1], LIBRARY[2], LIBRARY[3], "--features=web"];
+
+/// What the compiler may use of wasm, should the file not say so itself.
+const WASM_OPT: [&str; 8] = [
     "--enable-bulk-memory",
     "--enable-bulk-memory-opt",
     "--enable-multivalue",
@@ -43,7 +87,7 @@ const WASM_OPT: [&str; 9] = [
     "--enable-simd",
 ];
 
-/// Builds the package unless it is up to date, and prints the size of its wasm file.
+/// Builds the parts of the package that are not up to date, and prints their sizes.
 ///
 /// # Errors
 /// No toolchain for wasm, or the build fails. A missing wasm-opt is only reported.
@@ -58,29 +102,45 @@ pub fn build(workspace: &Workspace) -> Result<()> {
             None
         }
     };
-    run::run(
-        toolchain
-            .cargo("build")
-            .args(LIBRARY)
-            .current_dir(workspace.root()),
-    )?;
-    let compiled = toolchain.folder(workspace).join("wasm/tracklens.wasm");
-
     let package = workspace.package();
-    let stamp = Stamp::new(&compiled, optimiser.is_some())?;
-    let stamp_file = workspace.tools().join("package.stamp");
-    let last = fs::read_to_string(&stamp_file).ok();
-    if last.is_some() && last == stamp.complete(&package).ok() {
-        eprintln!("{} is up to date", package.display());
-    } else {
-        generate(&compiled, optimiser.as_ref(), &package)?;
+    for part in &PARTS {
+        run::run(
+            toolchain
+                .cargo("build")
+                .args(LIBRARY)
+                .arg(format!("--features={}", part.feature))
+                .current_dir(workspace.root()),
+        )?;
+        let compiled = toolchain.folder(workspace).join("wasm/tracklens.wasm");
+        let stamp = Stamp::new(part, &compiled, optimiser.is_some())?;
+        let stamp_file = workspace.tools().join(format!("{}.stamp", part.name));
+        let last = fs::read_to_string(&stamp_file).ok();
+        if last.is_some() && last == stamp.complete(&package).ok() {
+            eprintln!("{} is up to date", package.join(part.wasm()).display());
+            continue;
+        }
+        generate(part, &compiled, optimiser.as_ref(), &package)?;
         let stamp = stamp.complete(&package)?;
         fs::create_dir_all(workspace.tools())
             .and_then(|()| fs::write(&stamp_file, stamp))
             .with_context(|| format!("cannot write {}", stamp_file.display()))?;
     }
-    let wasm = read(&package.join(WASM))?;
-    println!("{}", sizes(WASM, &wasm)?);
+    for part in &PARTS {
+        let size = |file: String| -> Result<[usize; 2]> {
+            let content = read(&package.join(file))?;
+            Ok([content.len(), gzipped(&content)?])
+        };
+        let ([wasm, wasm_sent], [script, script_sent]) = (size(part.wasm())?, size(part.script())?);
+        println!(
+            "{}: {} gzipped (wasm {} of {}, script {} of {})",
+            part.name,
+            kib(wasm_sent + script_sent),
+            kib(wasm_sent),
+            kib(wasm),
+            kib(script_sent),
+            kib(script)
+        );
+    }
     Ok(())
 }
 
@@ -102,14 +162,14 @@ pub fn for_browsers(package: &Path) -> Result<Vec<String>> {
 }
 
 /// Makes the bindings and the optimised file in a temporary folder, then puts them into place.
-fn generate(compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Result<()> {
+fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Result<()> {
     let temporary = TempDir::with_prefix_in(".build-", package)
         .with_context(|| format!("cannot make a folder in {}", package.display()))?;
     let folder = temporary.path();
     eprintln!("wasm-bindgen {}", compiled.display());
     Bindgen::new()
         .input_path(compiled)
-        .out_name("tracklens")
+        .out_name(part.name)
         .web(true)?
         .omit_default_module_path(false)
         .typescript(true)
@@ -124,35 +184,39 @@ fn generate(compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Res
         );
     }
     if let Some(optimiser) = optimiser {
-        let wasm = folder.join(WASM);
+        let wasm = folder.join(part.wasm());
         let mut command = optimiser.command();
-        run::run(command.args(WASM_OPT).arg(&wasm).arg("-o").arg(&wasm))?;
+        command.arg(part.optimise).args(WASM_OPT);
+        run::run(command.arg(&wasm).arg("-o").arg(&wasm))?;
     }
-    for file in GENERATED {
-        let place = package.join(file);
-        fs::rename(folder.join(file), &place).with_context(|| format!("cannot write {}", place.display()))?;
+    for file in part.generated() {
+        let place = package.join(&file);
+        fs::rename(folder.join(&file), &place)
+            .with_context(|| format!("cannot write {}", place.display()))?;
     }
     Ok(())
 }
 
-/// What decides whether the package is up to date: the compiled file, what is done to it, and the files that
-/// came out.
-struct Stamp(Sha256);
+/// What decides whether a part is up to date: the compiled file, what is done to it, and the files that came out.
+struct Stamp<'a> {
+    part: &'a Part,
+    hash: Sha256,
+}
 
-impl Stamp {
-    fn new(compiled: &Path, optimised: bool) -> Result<Self> {
+impl<'a> Stamp<'a> {
+    fn new(part: &'a Part, compiled: &Path, optimised: bool) -> Result<Self> {
         let mut hash = Sha256::new();
         hash.update(read(compiled)?);
         hash.update(include_bytes!("package.rs"));
         if optimised {
             hash.update(NPM_LOCK);
         }
-        Ok(Self(hash))
+        Ok(Self { part, hash })
     }
 
     fn complete(&self, package: &Path) -> Result<String> {
-        let mut hash = self.0.clone();
-        for file in GENERATED {
+        let mut hash = self.hash.clone();
+        for file in self.part.generated() {
             hash.update(read(&package.join(file))?);
         }
         Ok(format!("{:x}", hash.finalize()))
@@ -163,16 +227,14 @@ fn read(file: &Path) -> Result<Vec<u8>> {
     fs::read(file).with_context(|| format!("cannot read {}", file.display()))
 }
 
-/// One line: the size of a file as it is and as a server sends it, compressed.
-fn sizes(name: &str, content: &[u8]) -> Result<String> {
+/// The size of a file as a server sends it, compressed.
+///
+/// # Errors
+/// Never, since it is written to memory.
+pub fn gzipped(content: &[u8]) -> Result<usize> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(content)?;
-    let compressed = encoder.finish()?;
-    Ok(format!(
-        "{name}: {} ({} gzipped)",
-        kib(content.len()),
-        kib(compressed.len())
-    ))
+    Ok(encoder.finish()?.len())
 }
 
 fn kib(bytes: usize) -> String {
@@ -184,23 +246,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_given_raw_and_gzipped() -> Result<()> {
-        let line = sizes("a.wasm", &[7; 64 * 1024])?;
-        assert!(line.starts_with("a.wasm: 64.0 KiB (0."), "{line}");
-        assert!(line.ends_with(" KiB gzipped)"), "{line}");
-        Ok(())
-    }
-
-    #[test]
     fn the_npm_package_ships_what_is_built() -> Result<()> {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("../pkg/package.json");
         let manifest: Value = serde_json::from_slice(&read(&manifest)?)?;
         let files = manifest["files"]
             .as_array()
             .context("pkg/package.json lists no files")?;
-        for file in GENERATED {
+        for file in generated() {
             assert!(
-                files.iter().any(|listed| listed == file),
+                files.iter().any(|listed| *listed == *file),
                 "{file} is not among `files`"
             );
         }

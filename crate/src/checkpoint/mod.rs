@@ -8,6 +8,7 @@
 mod authors;
 mod config;
 mod formats;
+mod grid;
 mod infer;
 mod layers;
 #[cfg(feature = "cli")]
@@ -17,6 +18,7 @@ mod tensors;
 
 pub use config::{Architecture, Family, SaeConfig};
 pub use formats::{Format, read_tensors};
+pub use grid::LatentGrid;
 pub use layers::{BACKGROUND, ConvLayer, DENSE, SIGMA, TEMPERATURE};
 pub use summary::{Parameters, Summary, Training};
 pub use tensors::{Checkpoint, Tensor};

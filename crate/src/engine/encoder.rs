@@ -5,7 +5,7 @@ use rten_gemm::GemmExecutor;
 use super::conv::{Conv, Im2ColOffsets};
 use super::pool::max_pool_affine_relu;
 use super::softargmax::soft_argmax;
-use crate::checkpoint::{Checkpoint, ConvLayer, SaeConfig, TEMPERATURE};
+use crate::checkpoint::{Checkpoint, ConvLayer, LatentGrid, SaeConfig, TEMPERATURE};
 use crate::data::{Filter, Frame};
 use crate::error::{Error, Result};
 
@@ -35,24 +35,6 @@ pub struct Workspace {
     offsets: Vec<Im2ColOffsets>,
     front: Vec<f32>,
     back: Vec<f32>,
-}
-
-/// Where the cells of the last feature map lie in the image.
-///
-/// The latent coordinates -1 and +1 are the centres of its border cells, which are not the edges of the image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LatentGrid {
-    ndc_from_latent: [[f64; 2]; 2],
-}
-
-impl LatentGrid {
-    /// Places a latent point (x, y) in the image (ndc).
-    pub fn to_image(&self, point: [f64; 2]) -> [f64; 2] {
-        [0, 1].map(|axis| {
-            let [scale, shift] = self.ndc_from_latent[axis];
-            scale * point[axis] + shift
-        })
-    }
 }
 
 impl Encoder {
@@ -155,21 +137,7 @@ impl Encoder {
 
     /// Where latent points lie in an image of `[width, height]`.
     pub fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
-        let input = self
-            .config
-            .input_size
-            .unwrap_or(image_size.map(|side| side as usize));
-        let [first, step] = self.config.cell_positions();
-        let ndc_from_latent = input.map(|side| {
-            let mut cells = side;
-            for Layer { shape, .. } in &self.layers {
-                cells = shape.output_side(cells).unwrap_or(1);
-            }
-            let last = first + step * (cells - 1) as f64;
-            let ndc = |pixel: f64| (2.0 * pixel + 1.0) / side as f64 - 1.0;
-            [(ndc(last) - ndc(first)) / 2.0, (ndc(last) + ndc(first)) / 2.0]
-        });
-        LatentGrid { ndc_from_latent }
+        self.config.latent_grid(image_size)
     }
 }
 

@@ -10,6 +10,7 @@ mod encoder;
 mod pool;
 mod softargmax;
 
+pub use crate::checkpoint::LatentGrid;
 #[cfg(feature = "model")]
 pub(crate) use encoder::finite;
-pub use encoder::{Encoder, LatentGrid, Workspace};
+pub use encoder::{Encoder, Workspace};

@@ -19,6 +19,13 @@ pub struct Encoder {
     metadata: BTreeMap<String, String>,
 }
 
+/// Bytes of memory that this instance of the extraction holds: weights, and what its largest frame took. It never shrinks.
+#[wasm_bindgen(js_name = extractionMemory)]
+pub fn extraction_memory() -> f64 {
+    const PAGE: usize = 64 * 1024;
+    (core::arch::wasm32::memory_size::<0>() * PAGE) as f64
+}
+
 /// One frame's keypoints.
 #[wasm_bindgen]
 pub struct Extraction {
@@ -33,6 +40,7 @@ struct EncoderInfo<'a> {
     keypoints: usize,
     input_size: Option<[usize; 2]>,
     encoder_channels: &'a [usize],
+    config: String,
     metadata: &'a BTreeMap<String, String>,
 }
 
@@ -62,11 +70,14 @@ impl Encoder {
     #[wasm_bindgen(getter)]
     pub fn info(&self) -> JsResult<JsValue> {
         let config = self.extractor.encoder().config();
+        let json = serde_json::to_string(config)
+            .map_err(|e| js_error(&Error::input(format!("the configuration of the encoder: {e}"))))?;
         to_js(&EncoderInfo {
             architecture: config.name(),
             keypoints: config.keypoints,
             input_size: config.input_size,
             encoder_channels: &config.encoder_channels,
+            config: json,
             metadata: &self.metadata,
         })
     }
@@ -82,16 +93,6 @@ impl Encoder {
             points,
             image_size: found.image_size,
         })
-    }
-
-    /// Places latent points in an image.
-    #[wasm_bindgen(js_name = toImage)]
-    pub fn to_image(&self, points: &[f64], width: u32, height: u32) -> Vec<f64> {
-        let grid = self.extractor.grid([width, height]);
-        points
-            .chunks_exact(2)
-            .flat_map(|p| grid.to_image([p[0], p[1]]))
-            .collect()
     }
 }
 

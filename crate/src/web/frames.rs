@@ -1,9 +1,10 @@
 //! Frames by path in JavaScript.
 
+use serde::Serialize;
 use wasm_bindgen::prelude::*;
 
 use super::tables::GroundTruthTable;
-use super::{JsResult, js_error, sequences_to_js, to_js};
+use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::report::JoinReport;
 
@@ -77,4 +78,20 @@ pub fn join_frames(frames: &FrameIndex, truth: &GroundTruthTable) -> JsResult<Js
     let (frames, rows) = (frames.index.keys(), truth.table.content.keys());
     let join = data::join(frames, rows).map_err(|e| js_error(&e))?;
     to_js(&JoinReport::new(&join, frames, rows))
+}
+
+#[derive(Serialize)]
+struct Sequence {
+    name: String,
+    start: usize,
+    length: usize,
+}
+
+pub(super) fn sequences_to_js(ranges: Vec<data::SequenceRange>) -> JsResult<JsValue> {
+    let plain = |r: data::SequenceRange| Sequence {
+        name: r.name,
+        start: r.start,
+        length: r.length,
+    };
+    to_js(&ranges.into_iter().map(plain).collect::<Vec<_>>())
 }

@@ -6,9 +6,10 @@ use js_sys::{Float64Array, Object, Reflect};
 use serde::Deserialize;
 use wasm_bindgen::prelude::*;
 
-use super::frames::FrameIndex;
+use super::frames::{FrameIndex, sequences_to_js};
+use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
-use super::{JsResult, from_js, js_error, sequences_to_js, to_js};
+use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::{EvaluationReport, JoinReport};

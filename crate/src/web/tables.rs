@@ -5,7 +5,8 @@ use serde::Deserialize;
 use wasm_bindgen::prelude::*;
 
 use super::frames::FrameIndex;
-use super::{JsResult, from_js, js_error};
+use super::options::from_js;
+use super::{JsResult, js_error};
 use crate::data::{self, AxisOrder, Space, Table, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};

@@ -36,11 +36,11 @@ const PLACES: [&str; 4] = [
     r"C:\Program Files (x86)\Google\Chrome\Application\chrome.exe",
 ];
 
-/// Finds a Chromium and a chromedriver of the same version, or installs them.
+/// Finds a Chromium and a chromedriver of the same version, or installs them; returns the browser.
 ///
 /// # Errors
 /// They are missing and cannot be installed, or their versions differ; says what to do.
-pub fn browsers() -> Result<()> {
+pub fn browsers() -> Result<PathBuf> {
     let (browser, driver) = match find() {
         Some(found) => found,
         None => {
@@ -53,7 +53,7 @@ pub fn browsers() -> Result<()> {
     if OS == "windows" {
         // There, `--version` opens a window.
         eprintln!("browser: {}", browser.display());
-        return Ok(());
+        return Ok(browser);
     }
     let browser_version = run::output(run::command(&browser).arg("--version"))?;
     eprintln!("browser: {} ({})", browser.display(), browser_version.trim());
@@ -65,7 +65,7 @@ pub fn browsers() -> Result<()> {
             BROWSERS.otherwise
         );
     }
-    Ok(())
+    Ok(browser)
 }
 
 fn find() -> Option<(PathBuf, PathBuf)> {

@@ -16,7 +16,7 @@ use crate::workspace::Workspace;
 pub use browser::browsers;
 pub use cluster::cluster;
 pub use gpu::lavapipe;
-pub use node::{NPM_LOCK, WasmOpt, node, wasm_opt};
+pub use node::{NPM_LOCK, PAGE_PEERS, WasmOpt, node, npm_packages, wasm_opt};
 pub use python::python;
 pub use wasm::wasm_toolchain;
 
@@ -27,7 +27,7 @@ pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
     });
     steps.run("wasm-opt", || wasm_opt(workspace).map(drop));
     if with_browsers {
-        steps.run("Chromium and chromedriver", browsers);
+        steps.run("Chromium and chromedriver", || browsers().map(drop));
     }
     steps.run("lavapipe", || lavapipe().map(drop));
     steps.finish()

@@ -1,4 +1,4 @@
-//! node, npm, and the one tool that comes from npm: wasm-opt.
+//! node, npm, and what comes from npm: wasm-opt, and the peers of benchmarks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,9 +10,27 @@ use super::install::Package;
 use crate::run;
 use crate::workspace::Workspace;
 
-/// The tools from npm, pinned.
-const MANIFEST: &str = include_str!("../../npm/package.json");
+/// Pinned packages from npm.
+pub struct Packages {
+    /// The folder they are installed into, in that of tools.
+    name: &'static str,
+    manifest: &'static str,
+    lock: &'static str,
+}
+
+const TOOLS: Packages = Packages {
+    name: "npm",
+    manifest: include_str!("../../npm/package.json"),
+    lock: NPM_LOCK,
+};
 pub const NPM_LOCK: &str = include_str!("../../npm/package-lock.json");
+
+/// What the page is measured against.
+pub const PAGE_PEERS: Packages = Packages {
+    name: "npm-peers",
+    manifest: include_str!("../../npm/peers/package.json"),
+    lock: include_str!("../../npm/peers/package-lock.json"),
+};
 
 /// The oldest node that runs wasm-opt and the tests of the npm package.
 const OLDEST_NODE: u32 = 18;
@@ -100,32 +118,38 @@ impl WasmOpt {
 /// node is missing, or npm cannot fetch the package.
 pub fn wasm_opt(workspace: &Workspace) -> Result<WasmOpt> {
     let node = node()?;
-    let folder = workspace.tools().join("npm");
-    let script = folder.join("node_modules/binaryen/bin/wasm-opt");
-    if !script.exists() || !is_installed(&folder) {
-        npm_ci(&node, &folder)?;
-    }
+    let script = npm_packages(workspace, &node, &TOOLS)?.join("binaryen/bin/wasm-opt");
     Ok(WasmOpt { node, script })
 }
 
-/// The copy of the lock file is written once everything else is there.
-fn is_installed(folder: &Path) -> bool {
-    fs::read_to_string(folder.join("installed.json")).is_ok_and(|lock| lock == NPM_LOCK)
+/// Finds pinned packages or installs them, and returns the folder they are in.
+///
+/// # Errors
+/// npm cannot fetch them.
+pub fn npm_packages(workspace: &Workspace, node: &Node, packages: &Packages) -> Result<PathBuf> {
+    let folder = workspace.tools().join(packages.name);
+    // The copy of the lock file is written once everything else is there.
+    let installed = fs::read_to_string(folder.join("installed.json"));
+    if installed.is_ok_and(|lock| lock == packages.lock) {
+        return Ok(folder.join("node_modules"));
+    }
+    npm_ci(node, &folder, packages)?;
+    Ok(folder.join("node_modules"))
 }
 
-fn npm_ci(node: &Node, folder: &Path) -> Result<()> {
+fn npm_ci(node: &Node, folder: &Path, packages: &Packages) -> Result<()> {
     let write = |name: &str, content: &str| {
         let file = folder.join(name);
         fs::write(&file, content).with_context(|| format!("cannot write {}", file.display()))
     };
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    write("package.json", MANIFEST)?;
-    write("package-lock.json", NPM_LOCK)?;
+    write("package.json", packages.manifest)?;
+    write("package-lock.json", packages.lock)?;
     let mut npm = run::command(&node.npm);
     npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"])
         .current_dir(folder);
     run::run(&mut npm)?;
-    write("installed.json", NPM_LOCK)
+    write("installed.json", packages.lock)
 }
 
 #[cfg(test)]
@@ -140,8 +164,10 @@ mod tests {
     }
 
     #[test]
-    fn the_lock_file_names_no_registry() {
-        assert!(!NPM_LOCK.contains("resolved"));
-        assert!(!NPM_LOCK.contains("://"));
+    fn the_lock_files_name_no_registry() {
+        for Packages { lock, .. } in [TOOLS, PAGE_PEERS] {
+            assert!(!lock.contains("resolved"));
+            assert!(!lock.contains("://"));
+        }
     }
 }

@@ -97,11 +97,16 @@ async fn serve(site: PathBuf, asked: Asked) -> String {
 impl Page {
     /// Opens the page and waits until it is ready.
     pub async fn open() -> Self {
-        Self::open_with("", &[]).await
+        Self::open_with("").await
     }
 
-    /// Opens the page with a query, in a browser with further arguments.
-    pub async fn open_with(query: &str, arguments: &[&str]) -> Self {
+    /// Opens the page after a script that changes what it finds in its browser.
+    pub async fn open_with(script: &str) -> Self {
+        Self::open_at("", &[], script).await
+    }
+
+    /// Opens the page with a query, in a browser with further arguments, after a script.
+    pub async fn open_at(query: &str, arguments: &[&str], script: &str) -> Self {
         let asked = Asked::default();
         let origin = serve(site(), Arc::clone(&asked)).await;
         let port = TcpListener::bind("127.0.0.1:0")
@@ -149,7 +154,7 @@ impl Page {
             chromedriver,
             _profile: profile,
         };
-        let watch = json!({ "source": WATCH });
+        let watch = json!({ "source": format!("{WATCH}\n{script}") });
         page.driver
             .cdp()
             .send_raw("Page.addScriptToEvaluateOnNewDocument", watch)

@@ -1,0 +1,34 @@
+// The parts of the package, each a WebAssembly file of its own that is loaded once, when it is asked for.
+import extraction from "./tracklens_extraction.js";
+import figures from "./tracklens_figures.js";
+import scoring from "./tracklens_scoring.js";
+
+const LOADERS = { scoring, extraction, figures };
+
+/** The WebAssembly file of a part. */
+export function wasmOf(part) {
+  if (!Object.hasOwn(LOADERS, part)) {
+    throw new Error(`the package has no part ${JSON.stringify(part)}; expected ${Object.keys(LOADERS).join(", ")}`);
+  }
+  return new URL(`./tracklens_${part}_bg.wasm`, import.meta.url);
+}
+
+/** What `init` of the package is; `compile` gives a part's module. */
+export function initBy(compile) {
+  const loaded = new Map();
+  const load = async (part, module) => {
+    await LOADERS[part]({ module_or_path: (await module) ?? (await compile(part)) });
+  };
+  return async function init(parts = Object.keys(LOADERS)) {
+    const entries = Array.isArray(parts) ? parts.map((part) => [part, undefined]) : Object.entries(parts);
+    const loading = entries.map(([part, module]) => {
+      wasmOf(part);
+      if (!loaded.has(part)) loaded.set(part, load(part, module));
+      return loaded.get(part).catch((error) => {
+        loaded.delete(part);
+        throw error;
+      });
+    });
+    await Promise.all(loading);
+  };
+}

@@ -1,0 +1,116 @@
+// @ts-check
+/** The page's end of one extraction worker: questions, answers, and how the page learns that it died. */
+
+/**
+ * @typedef {import("./extractor.js").Source} Source
+ * @typedef {import("./extract-worker.js").Reply} Reply
+ * @typedef {import("./extract-worker.js").Request} Request
+ * @typedef {Extract<Reply, { type: "extracted" | "failed" }>} Result
+ */
+
+export class Line {
+  /** Of the encoder in the worker, once it is open. @type {import("./pkg/index.js").EncoderInfo | null} */
+  info = null;
+  /** Bytes that the worker's instance holds. */
+  memory = 0;
+  /** Whether `memory` is that of a frame done. */
+  measured = false;
+  /** Frames dealt and not answered, by their number in the run, oldest first. @type {number[]} */
+  dealt = [];
+  /** Takes the answers to the frames dealt, in their order. @type {(frame: number, result: Result) => void} */
+  onResult = () => {};
+  /** Called once, when the worker broke down or ended without being asked to. @type {(message: string) => void} */
+  onDeath = () => {};
+
+  #name = globalThis.crypto?.randomUUID?.() ?? "";
+  #worker = new Worker(new URL("./extract-worker.js", import.meta.url), { type: "module", name: this.#name });
+  #closed = new AbortController();
+
+  /**
+   * Starts a worker and opens a checkpoint in it.
+   * @param {WebAssembly.Module} module
+   * @param {Source} source
+   * @returns {Promise<Line>}
+   */
+  static open(module, source) {
+    return new Promise((resolve, reject) => {
+      const line = new Line();
+      line.onDeath = (message) => reject(new Error(`${source.path} could not be opened: ${message}`));
+      line.#worker.onerror = (event) => {
+        event.preventDefault();
+        line.#die(event.message || "its script could not be loaded");
+      };
+      line.#worker.onmessage = ({ data }) => line.#answered(data, resolve, reject);
+      line.#ask({ type: "open", module, source });
+    });
+  }
+
+  /**
+   * Gives the worker a frame; the answer comes to `onResult`.
+   * @param {number} frame
+   * @param {Source} source
+   */
+  deal(frame, source) {
+    this.dealt.push(frame);
+    this.#ask({ type: "extract", source });
+  }
+
+  /** Ends the worker at once, whatever it is at. */
+  close() {
+    this.#closed.abort();
+    this.#worker.terminate();
+  }
+
+  /** @param {Request} request */
+  #ask(request) {
+    this.#worker.postMessage(request);
+  }
+
+  /**
+   * @param {Reply} reply
+   * @param {(line: Line) => void} opened
+   * @param {(error: Error) => void} refused
+   */
+  #answered(reply, opened, refused) {
+    if (this.#closed.signal.aborted) return;
+    switch (reply.type) {
+      case "started":
+        this.#watch();
+        return;
+      case "opened":
+        this.info = reply.info;
+        this.memory = reply.memory;
+        opened(this);
+        return;
+      case "crashed":
+        this.#die(reply.message);
+        return;
+      case "failed":
+        if (this.dealt.length === 0) {
+          this.close();
+          refused(new Error(reply.message));
+          return;
+        }
+        break;
+      case "extracted":
+        this.memory = reply.memory;
+        this.measured = true;
+    }
+    this.onResult(/** @type {number} */ (this.dealt.shift()), reply);
+  }
+
+  /** The worker holds a lock of its name, which the page gets when the worker is gone. */
+  #watch() {
+    const { signal } = this.#closed;
+    navigator.locks
+      ?.request(this.#name, { signal }, () => this.#die("it ended without a word"))
+      .catch(() => {});
+  }
+
+  /** @param {string} message */
+  #die(message) {
+    if (this.#closed.signal.aborted) return;
+    this.close();
+    this.onDeath(`the worker broke down (${message})`);
+  }
+}
