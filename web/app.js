@@ -2,6 +2,8 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
+import { DeviceExtractor } from "./device-extractor.js";
+import { showDevices } from "./device-view.js";
 import { announce, byId } from "./dom.js";
 import { fetchExample } from "./example.js";
 import { WorkerPool } from "./extraction-pool.js";
@@ -14,9 +16,12 @@ import { showViewer } from "./viewer.js";
 
 /** Starts the page; the scoring part of the package is loaded. */
 export function start() {
-  const session = new Session(new WorkerPool());
+  const allowSoftware = new URLSearchParams(location.search).get("gpu") === "software";
+  const devices = new DeviceExtractor(new WorkerPool(), allowSoftware);
+  const session = new Session(devices);
   showFiles(session);
   showExtraction(session);
+  showDevices(session, devices);
   showResults(session);
   showViewer(session);
   takeFiles(session);

@@ -37,8 +37,9 @@ const BATCH = 16;
 const DEALT = 2;
 /** What the CPU has left to do must be worth fetching the GPU part and making it ready. */
 const WORTH_MS = 3000;
-/** The CPU's speed is known after this time. */
+/** The CPU's speed is known after this time, from its last frames. */
 const SETTLED_MS = 1000;
+const RECENT = 64;
 
 const STORED = "tracklens.device";
 
@@ -276,7 +277,7 @@ class DeviceEncoder {
       return device === "gpu";
     };
     const probe = this.#probe;
-    if (!probe) return decide("cpu", this.#devices.broken);
+    if (!probe) return decide("cpu", this.#devices.broken || "no frame has keypoints to compare the GPU's with");
     if (!probe.agrees) {
       const by = Number.isFinite(probe.difference) ? `, they differ by ${significant(probe.difference)}` : "";
       return decide("cpu", `${gpu} finds other keypoints on the same frame${by}: it is not used`);
@@ -357,6 +358,8 @@ class Progress {
   done = 0;
   /** The first frames that were done. @type {Sample[]} */
   samples = [];
+  /** When the last frames were done, the newest last. @type {number[]} */
+  #times = [];
   #start = 0;
 
   /** @param {Job} job */
@@ -373,9 +376,10 @@ class Progress {
     return performance.now() - this.#start;
   }
 
-  /** Since the first frame, which took the time that the workers needed to start. */
+  /** Of the last frames: at first, workers are still being started. */
   get msPerFrame() {
-    return this.elapsed / Math.max(1, this.done - 1);
+    const times = this.#times;
+    return (times[times.length - 1] - times[0]) / Math.max(1, times.length - 1);
   }
 
   /**
@@ -383,9 +387,8 @@ class Progress {
    * @param {Extracted} extracted
    */
   frame(path, extracted) {
-    if (this.done === 0) this.#start = performance.now();
     if (this.samples.length < BATCH) this.samples.push({ frame: this.job.frames[this.done], extracted });
-    this.done++;
+    this.#count();
     this.job.onFrame(path, extracted);
   }
 
@@ -394,9 +397,15 @@ class Progress {
    * @param {string} message
    */
   failure(path, message) {
-    if (this.done === 0) this.#start = performance.now();
-    this.done++;
+    this.#count();
     this.job.onFailure(path, message);
+  }
+
+  #count() {
+    const now = performance.now();
+    if (this.done++ === 0) this.#start = now;
+    this.#times.push(now);
+    if (this.#times.length > RECENT) this.#times.shift();
   }
 }
 

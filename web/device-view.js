@@ -1,7 +1,7 @@
 // @ts-check
 /** What extracts the keypoints, and why; the choice between the CPU and the GPU. */
 
-import { announce, byId, fill, h, notice } from "./dom.js";
+import { announce, byId, fill, h, notice, prose } from "./dom.js";
 
 /**
  * @typedef {import("./session.js").Session} Session
@@ -48,7 +48,7 @@ export function showDevices(session, devices) {
     place.hidden = session.extraction === null;
     const device = verdict?.device ?? "";
     Object.assign(place.dataset, { device, choice, reason: verdict?.reason ?? "", lost });
-    line.textContent = verdict ? `${device.toUpperCase()}: ${verdict.reason}.` : "";
+    fill(line, ...(verdict ? prose(`${device.toUpperCase()}: ${verdict.reason}.`) : []));
     line.hidden = verdict === null;
     if (lost === told) return;
     told = lost;

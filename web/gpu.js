@@ -14,7 +14,7 @@
 const SOFTWARE = /swiftshader|llvmpipe|lavapipe|softpipe|basic render/i;
 
 /**
- * Looks for a GPU; nothing is fetched for that.
+ * Looks for a GPU; nothing is fetched before there is one.
  * @param {boolean} allowSoftware whether a program that acts as one will do, for tests
  * @returns {Promise<Adapter>}
  */
@@ -32,7 +32,8 @@ export async function findAdapter(allowSoftware) {
   const name = description || [vendor, architecture, device].filter(Boolean).join(" ") || "unnamed";
   const software = isFallbackAdapter || adapter.isFallbackAdapter || SOFTWARE.test([name, architecture].join(" "));
   if (software && !allowSoftware) return { missing: `the only GPU here is a program on the CPU (${name})` };
-  return { name };
+  const part = await fetch(new URL("./pkg/gpu.js", import.meta.url)).catch(() => null);
+  return part?.ok ? { name } : { missing: "this site was built without what a GPU needs (`cargo xtask site --gpu`)" };
 }
 
 /** The worker that has the GPU. It is of no use any more once a call was rejected with anything but a signal's reason. */

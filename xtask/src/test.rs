@@ -29,8 +29,9 @@ pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
     } else {
         steps.run("set-up: Chromium and chromedriver", setup::browsers)
     };
-    let package = steps.run("wasm package", || package::build(workspace));
-    let site = package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site())));
+    let gpu = !skipped.gpu;
+    let package = steps.run("wasm package", || package::build(workspace, gpu));
+    let site = package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site(), gpu)));
 
     steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
     steps.run("metric alone", || {

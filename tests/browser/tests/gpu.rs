@@ -65,12 +65,11 @@ async fn extract(page: &Page, device: &str, folder: &Path) {
 }
 
 /// Puts a script of this folder's `hooks` in the place of the GPU worker's.
-async fn hook(page: &Page, script: &str) {
-    page.value(&format!(
-        "(() => {{ const Plain = Worker; globalThis.Worker = class extends Plain {{ constructor(url, options) {{ \
-         super(String(url).endsWith('/gpu-worker.js') ? new URL('{script}', location.href) : url, options); }} }}; }})()"
-    ))
-    .await;
+fn hook(script: &str) -> String {
+    format!(
+        "const Plain = Worker; globalThis.Worker = class extends Plain {{ constructor(url, options) {{ \
+         super(String(url).endsWith('/gpu-worker.js') ? new URL('{script}', location.href) : url, options); }} }};"
+    )
 }
 
 async fn device(page: &Page, field: &str) -> String {
@@ -130,7 +129,7 @@ fn rows(table: &str) -> Vec<(String, [f64; 2])> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_gpu_finds_the_keypoints_of_the_cpu() {
-    let page = Page::open_with(ALLOWED, &SOFTWARE).await;
+    let page = Page::open_at(ALLOWED, &SOFTWARE, "").await;
     // A batch and a part of one, and a frame that the GPU leaves to the CPU, which says what is wrong with it.
     let folder = frames(2, 1);
     let broken = folder.path().join("seq_0004").join("frame_003.png");
@@ -153,8 +152,7 @@ async fn the_gpu_finds_the_keypoints_of_the_cpu() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_gpu_that_is_lost_is_followed_by_the_cpu_without_a_gap() {
-    let page = Page::open_with(ALLOWED, &SOFTWARE).await;
-    hook(&page, "gpu-lost.js").await;
+    let page = Page::open_at(ALLOWED, &SOFTWARE, &hook("gpu-lost.js")).await;
     page.value(
         "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
          if (document.querySelector('#devices').dataset.device === 'gpu' && Number(place.dataset.done) > 1) { \
@@ -184,8 +182,7 @@ async fn a_gpu_that_is_lost_is_followed_by_the_cpu_without_a_gap() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_gpu_that_computes_wrongly_is_not_used() {
-    let page = Page::open_with(ALLOWED, &SOFTWARE).await;
-    hook(&page, "gpu-wrong.js").await;
+    let page = Page::open_at(ALLOWED, &SOFTWARE, &hook("gpu-wrong.js")).await;
     let folder = frames(1, 1);
     extract(&page, "gpu", folder.path()).await;
     page.until_scored().await;
@@ -201,7 +198,7 @@ async fn a_gpu_that_computes_wrongly_is_not_used() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_faster_device_is_chosen_by_their_times_and_both_are_told() {
-    let page = Page::open_with(ALLOWED, &SOFTWARE).await;
+    let page = Page::open_at(ALLOWED, &SOFTWARE, "").await;
     // Many seconds of work, of which the test sees the beginning.
     let folder = frames(usize::MAX, 40);
     extract(&page, "automatic", folder.path()).await;
@@ -224,18 +221,20 @@ async fn the_faster_device_is_chosen_by_their_times_and_both_are_told() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_a_gpu_nothing_of_it_is_fetched() {
-    let without = "delete Navigator.prototype.gpu";
-    for (arguments, first, why) in [
+    for (arguments, script, why) in [
         (&[][..], "", "WebGPU finds no GPU here"),
-        (&[][..], without, "this browser has no WebGPU"),
+        (
+            &[][..],
+            "delete Navigator.prototype.gpu;",
+            "this browser has no WebGPU",
+        ),
         (
             &SOFTWARE[..],
             "",
             "the only GPU here is a program on the CPU (google swiftshader)",
         ),
     ] {
-        let page = Page::open_with("", arguments).await;
-        page.value(&format!("(() => {{ {first} }})()")).await;
+        let page = Page::open_at("", arguments, script).await;
         let folder = frames(1, 1);
         extract(&page, "gpu", folder.path()).await;
         page.until_scored().await;
@@ -255,7 +254,7 @@ async fn without_a_gpu_nothing_of_it_is_fetched() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_choice_is_kept() {
-    let page = Page::open_with("", &[]).await;
+    let page = Page::open().await;
     let folder = frames(1, 1);
     extract(&page, "cpu", folder.path()).await;
     page.until_scored().await;
