@@ -14,7 +14,7 @@
 const DEALT = 2;
 /** Frames a worker that may be under way, or done and waiting for an earlier one. */
 const WINDOW = 8;
-/** Workers that one frame may bring down before it is given up. */
+/** Workers that a frame may go down with, the last time as the only one there, before it is given up. */
 const ATTEMPTS = 2;
 /** Workers that may go down with no frame done in between before the run is given up. */
 const HOPELESS = 16;
@@ -38,10 +38,10 @@ export class Run {
   #refusal = "";
   /** Frames from here on were never dealt. */
   #next = 0;
-  /** Frames to deal once more. @type {number[]} */
+  /** Frames to deal once more, ascending. Each goes to a worker that has no other one, so as to tell who is to blame. @type {number[]} */
   #again = [];
-  /** Workers that a frame brought down. @type {Map<number, number>} */
-  #victims = new Map();
+  /** Workers that a frame dealt once more went down with. @type {Map<number, number>} */
+  #deathsOf = new Map();
   /** Workers that went down since a frame was done. */
   #deaths = 0;
   /** Frames before this one are reported. */
@@ -119,18 +119,16 @@ export class Run {
   #deal() {
     for (let held = 0; held < DEALT; held++) {
       for (const line of this.#lines) {
-        if (line.dealt.length !== held) continue;
-        const frame = this.#take();
-        if (frame === null) return;
+        if (line.dealt.length !== held || this.#deathsOf.has(line.dealt[0])) continue;
+        const frame = (held === 0 ? this.#again.shift() : undefined) ?? this.#take();
+        if (frame === null) break;
         line.deal(frame, this.#job.frames[frame]);
       }
     }
   }
 
-  /** The next frame to deal; those before it that wait for it are bounded. */
+  /** The next frame to deal for the first time, or `null`: those that wait for an earlier one are bounded. */
   #take() {
-    const again = this.#again.shift();
-    if (again !== undefined) return again;
     const end = Math.min(this.#job.frames.length, this.#reported + WINDOW * this.#lines.size);
     return this.#next < end ? this.#next++ : null;
   }
@@ -201,25 +199,30 @@ export class Run {
    */
   #died(line, message) {
     this.#lines.delete(line);
-    const [suspect, ...others] = line.dealt;
-    if (suspect !== undefined) {
-      const victims = (this.#victims.get(suspect) ?? 0) + 1;
-      this.#victims.set(suspect, victims);
-      this.#redo(victims < ATTEMPTS ? line.dealt : others);
-      if (++this.#deaths >= HOPELESS) {
-        this.#fail(
-          `${this.#deaths} workers in a row broke down, the last one on ${this.#job.frames[suspect].path}: ${message}. What ` +
-            "is done is kept; close other tabs if memory is short, and try again.",
-        );
-        return;
-      }
-      if (victims >= ATTEMPTS) this.#settle(suspect, { type: "failed", message: `${message}, and again on a second try` });
+    const [first] = line.dealt;
+    if (first === undefined) {
+      this.#advance();
+      return;
+    }
+    if (++this.#deaths >= HOPELESS) {
+      this.#fail(
+        `${this.#deaths} workers in a row broke down, the last one with ${this.#job.frames[first].path}: ${message}. What is ` +
+          "done is kept; close other tabs if memory is short, and try again.",
+      );
+      return;
+    }
+    for (const frame of line.dealt) this.#deathsOf.set(frame, (this.#deathsOf.get(frame) ?? 0) + 1);
+    if (line.dealt.length === 1 && Number(this.#deathsOf.get(first)) >= ATTEMPTS) {
+      this.#settle(first, { type: "failed", message: `${message}, and so did the one before it` });
+    } else {
+      this.#redo(line.dealt);
     }
     this.#advance();
   }
 
   /** @param {number[]} frames */
   #redo(frames) {
+    for (const frame of frames) this.#deathsOf.set(frame, this.#deathsOf.get(frame) ?? 0);
     this.#again = [...this.#again, ...frames].sort((a, b) => a - b);
   }
 

@@ -3,7 +3,6 @@ import assert from "node:assert/strict";
 import { readFile, readdir } from "node:fs/promises";
 import { before, test } from "node:test";
 import { Worker } from "node:worker_threads";
-import { gzipSync } from "node:zlib";
 
 import init, * as tracklens from "../../pkg/node.js";
 
@@ -177,14 +176,4 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
   await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, figures/);
-});
-
-test("what a browser downloads stays small", async () => {
-  const pkg = new URL("../../pkg/", import.meta.url);
-  const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
-  const size = async (part) => (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
-  const [scoring, extraction, figures] = await Promise.all(["scoring", "extraction", "figures"].map(size));
-  const told = `gzipped bytes: scoring ${scoring}, extraction ${extraction}, figures ${figures}`;
-  assert.ok(scoring + extraction <= 350_000, told);
-  assert.ok(figures <= 150_000, told);
 });

@@ -124,12 +124,17 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     let package = workspace.package();
     let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
     for part in parts() {
+        let mut cargo = if part.profile == GPU.profile {
+            // As a library for Rust too it would not be optimised as a whole.
+            let mut cargo = toolchain.cargo("rustc");
+            cargo.arg("--crate-type=cdylib");
+            cargo
+        } else {
+            toolchain.cargo("build")
+        };
         run::run(
-            toolchain
-                .cargo("rustc")
+            cargo
                 .args(LIBRARY)
-                // As a library for Rust too it would not be optimised as a whole.
-                .arg("--crate-type=cdylib")
                 .arg(format!("--profile={}", part.profile))
                 .arg(format!("--features={}", part.feature))
                 .args(["--config", &part.opt_level()])

@@ -269,7 +269,7 @@ async fn with_no_worker_left_the_page_says_so_keeps_what_is_done_and_goes_on_whe
     let page = Page::open_with(WATCHED).await;
     page.value(
         "void (globalThis.__kill = new MutationObserver(() => { \
-           if (Number(document.querySelector('#extraction').dataset.done) < 10) return; \
+           if (!(Number(document.querySelector('#extraction').dataset.done) >= 10)) return; \
            globalThis.__kill.disconnect(); globalThis.__broken = true; \
            for (const worker of __workers) worker.terminate(); })) \
          .observe(document.querySelector('#extraction'), { attributes: true })",
@@ -309,12 +309,21 @@ async fn with_no_worker_left_the_page_says_so_keeps_what_is_done_and_goes_on_whe
 #[tokio::test(flavor = "multi_thread")]
 async fn a_hidden_page_goes_on_and_a_page_that_is_left_leaves_nothing_behind() {
     let page = Page::open_with(WATCHED).await;
-    let first = page.driver.window().await.expect("a window");
     page.click("#try-example").await;
-    page.driver.new_tab().await.expect("a tab");
-    page.driver.switch_to_window(first).await.expect("the first tab");
-    assert_eq!(page.value("document.visibilityState").await, json!("hidden"));
+    let cdp = page.driver.cdp();
+    let window = cdp
+        .send_raw("Browser.getWindowForTarget", json!({}))
+        .await
+        .expect("a window");
+    let state = |state: &str| json!({ "windowId": window["windowId"], "bounds": { "windowState": state } });
+    cdp.send_raw("Browser.setWindowBounds", state("minimized"))
+        .await
+        .expect("hidden");
+    page.until("document.visibilityState === 'hidden'").await;
     page.until_scored().await;
+    cdp.send_raw("Browser.setWindowBounds", state("normal"))
+        .await
+        .expect("shown");
 
     eventually(&page, RUN).await;
     page.value("void __run()").await;

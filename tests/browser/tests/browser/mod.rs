@@ -1,5 +1,8 @@
 //! A site, a driver and a browser for one test.
 
+// Every file of tests is a program of its own and uses a part of this.
+#![allow(dead_code)]
+
 use std::future::ready;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
