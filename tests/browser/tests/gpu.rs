@@ -5,7 +5,7 @@ mod browser;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use browser::{Page, example, tracklens};
+use browser::{Page, example, site, tracklens};
 use serde_json::Value;
 
 /// WebGPU on SwiftShader.
@@ -20,6 +20,15 @@ const ALLOWED: &str = "?gpu=software";
 
 /// Other kernels add up in another order: the page uses a GPU that agrees with the CPU to 1e-3, and this one is far closer.
 const KEYPOINTS: f64 = 1e-4;
+
+/// Whether the site can extract on a GPU. Without it a test says that it is skipped.
+fn skipped() -> bool {
+    let built = site().join("pkg/tracklens_gpu_bg.wasm").exists();
+    if !built {
+        eprintln!("skipped: the site is built without --gpu");
+    }
+    !built
+}
 
 /// A folder with some of the example's frames, copies of each sequence `times` over.
 fn frames(sequences: usize, times: usize) -> tempfile::TempDir {
@@ -129,6 +138,9 @@ fn rows(table: &str) -> Vec<(String, [f64; 2])> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_gpu_finds_the_keypoints_of_the_cpu() {
+    if skipped() {
+        return;
+    }
     let page = Page::open_at(ALLOWED, &SOFTWARE, "").await;
     // A batch and a part of one, and a frame that the GPU leaves to the CPU, which says what is wrong with it.
     let folder = frames(2, 1);
@@ -152,6 +164,9 @@ async fn the_gpu_finds_the_keypoints_of_the_cpu() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_gpu_that_is_lost_is_followed_by_the_cpu_without_a_gap() {
+    if skipped() {
+        return;
+    }
     let page = Page::open_at(ALLOWED, &SOFTWARE, &hook("gpu-lost.js")).await;
     page.value(
         "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
@@ -182,6 +197,9 @@ async fn a_gpu_that_is_lost_is_followed_by_the_cpu_without_a_gap() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_gpu_that_computes_wrongly_is_not_used() {
+    if skipped() {
+        return;
+    }
     let page = Page::open_at(ALLOWED, &SOFTWARE, &hook("gpu-wrong.js")).await;
     let folder = frames(1, 1);
     extract(&page, "gpu", folder.path()).await;
@@ -198,6 +216,9 @@ async fn a_gpu_that_computes_wrongly_is_not_used() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_faster_device_is_chosen_by_their_times_and_both_are_told() {
+    if skipped() {
+        return;
+    }
     let page = Page::open_at(ALLOWED, &SOFTWARE, "").await;
     // Many seconds of work, of which the test sees the beginning.
     let folder = frames(usize::MAX, 40);
