@@ -208,7 +208,7 @@ export interface ObjectEvaluation {
 
 /** The result, as `tracklens score --json` prints it. */
 export interface Evaluation {
-  schema: "tracklens/evaluation/1";
+  schema: "tracklens/evaluation/2";
   version: string;
   tc: number;
   frames: number;

@@ -1,11 +1,14 @@
 //! Ground truth and keypoints, joined and scored: what the terminal and the page both do.
 
-use ndarray::{Array2, Array3, Axis};
+use std::sync::{Arc, OnceLock};
+
+use ndarray::{Array2, Array3, ArrayView1, Axis};
 
 use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
+use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
-    Accumulator, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object, Settings, bootstrap,
+    Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object, Settings, deal,
     held_out,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
@@ -21,6 +24,7 @@ pub struct Scoring {
     join: Join,
     policy: NonFinite,
     moments: Moments,
+    by_sequence: OnceLock<Arc<[Moments]>>,
 }
 
 /// One object and one keypoint over the joined frames, T x 2 each.
@@ -32,6 +36,34 @@ pub struct Series {
     pub keypoint: Array2<f64>,
     /// The keypoint under the fitted map, ndc.
     pub transformed_ndc: Array2<f64>,
+}
+
+/// How far a keypoint under its map is from an object in one sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SequenceError {
+    /// The joined frames of the sequence, and its name.
+    pub range: SequenceRange,
+    /// Frames in which the object is visible.
+    pub frames: u64,
+    /// The mean squared distance over these frames, ndc.
+    pub error: f64,
+    /// The joined frame with the largest squared distance, the first on ties.
+    pub worst: usize,
+    /// That squared distance.
+    pub worst_error: f64,
+}
+
+/// What others measure of the same data; see [`context`](crate::metric::context).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Context {
+    /// Each object from all keypoints, fitted and predicted on the same frames.
+    pub regression: Vec<Regression>,
+    /// The same on the folds that were not fitted, where there are folds.
+    pub held_out_regression: Option<Vec<Regression>>,
+    /// Keypoints matched to objects anew in every frame.
+    pub frames: Assignment,
+    /// Keypoints matched to objects once a sequence.
+    pub sequences: Assignment,
 }
 
 impl Scoring {
@@ -57,6 +89,7 @@ impl Scoring {
             join,
             policy,
             moments: accumulator.finish(),
+            by_sequence: OnceLock::new(),
         })
     }
 
@@ -99,10 +132,10 @@ impl Scoring {
         held_out(&self.sequences()?, folds, seed, &objects, settings)
     }
 
-    /// 95 % intervals over the sequences; see [`bootstrap`].
+    /// 95 % intervals over the sequences; see [`Bootstrap`].
     ///
     /// # Errors
-    /// As [`Scoring::evaluate`] and [`bootstrap`].
+    /// As [`Scoring::evaluate`] and [`Bootstrap`].
     pub fn bootstrap(
         &self,
         resamples: usize,
@@ -110,12 +143,62 @@ impl Scoring {
         thresholds: &[(String, f64)],
         settings: &Settings,
     ) -> Result<Intervals> {
-        let objects = self.thresholds(thresholds)?;
-        bootstrap(&self.sequences()?, resamples, 0.95, seed, &objects, settings)
+        let (mut bootstrap, sequences) = self.start_bootstrap(seed, thresholds, settings)?;
+        bootstrap.draw(&sequences, resamples)?;
+        bootstrap.finish()
+    }
+
+    /// The start of [`Scoring::bootstrap`], and what to draw from.
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`].
+    pub fn start_bootstrap(
+        &self,
+        seed: u64,
+        thresholds: &[(String, f64)],
+        settings: &Settings,
+    ) -> Result<(Bootstrap, Arc<[Moments]>)> {
+        let bootstrap = Bootstrap::new(0.95, seed, self.thresholds(thresholds)?, *settings)?;
+        Ok((bootstrap, self.sequences()?))
+    }
+
+    /// What others measure of the same frames; with the number of folds and the seed that deals the sequences to them also
+    /// on frames that were not fitted.
+    ///
+    /// # Errors
+    /// When there are fewer than two folds, or fewer sequences than folds.
+    pub fn context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
+        let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
+        let sequences = ranges(&self.keys);
+        let held_out_regression = folds
+            .map(|(folds, seed)| {
+                let fold_of = deal(sequences.len(), folds, seed)?;
+                let ranges = sequences.iter().zip(&fold_of);
+                let fold_of: Vec<usize> = ranges
+                    .flat_map(|(range, fold)| std::iter::repeat_n(*fold, range.length))
+                    .collect();
+                regression(keypoints, truth, Some(&fold_of))
+            })
+            .transpose()?;
+        Ok(Context {
+            regression: regression(keypoints, truth, None)?,
+            held_out_regression,
+            frames: assignment(keypoints, truth, (0..self.keys.len()).map(|t| t..t + 1))?,
+            sequences: assignment(
+                keypoints,
+                truth,
+                sequences
+                    .iter()
+                    .map(|range| range.start..range.start + range.length),
+            )?,
+        })
     }
 
     /// The moments of each sequence.
-    fn sequences(&self) -> Result<Vec<Moments>> {
+    fn sequences(&self) -> Result<Arc<[Moments]>> {
+        if let Some(found) = self.by_sequence.get() {
+            return Ok(found.clone());
+        }
         let moments = |range: SequenceRange| {
             let (keypoints, objects) = (self.keypoints.dim().1, self.names.len());
             let mut accumulator = Accumulator::new(keypoints, objects, self.policy);
@@ -128,7 +211,11 @@ impl Scoring {
             }
             Ok(accumulator.finish())
         };
-        ranges(&self.keys).into_iter().map(moments).collect()
+        let all: Vec<Moments> = ranges(&self.keys)
+            .into_iter()
+            .map(moments)
+            .collect::<Result<_>>()?;
+        Ok(self.by_sequence.get_or_init(|| all.into()).clone())
     }
 
     /// The objects with the thresholds that are given, or their default.
@@ -179,5 +266,66 @@ impl Scoring {
             keypoint,
             transformed_ndc,
         })
+    }
+
+    /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit, in every joined frame
+    /// (ndc); NaN where the object is not visible or the frame was left out.
+    ///
+    /// # Errors
+    /// As [`Scoring::series`].
+    pub fn distances(&self, k: usize, n: usize, settings: &Settings) -> Result<Vec<f64>> {
+        let series = self.series(k, n, settings)?;
+        let points = series
+            .truth_ndc
+            .outer_iter()
+            .zip(series.transformed_ndc.outer_iter());
+        let distance = |(t, (x, z)): (usize, (ArrayView1<f64>, ArrayView1<f64>))| {
+            let counts = self
+                .keypoints
+                .index_axis(Axis(0), t)
+                .iter()
+                .all(|v| v.is_finite());
+            if counts {
+                (x[0] - z[0]).powi(2) + (x[1] - z[1]).powi(2)
+            } else {
+                f64::NAN
+            }
+        };
+        Ok(points.enumerate().map(distance).collect())
+    }
+
+    /// The error of object `k` with keypoint `n` by the sequence, the worst one first; sequences that do not show the
+    /// object are left out. The map is the one of all frames.
+    ///
+    /// # Errors
+    /// As [`Scoring::series`].
+    pub fn sequence_errors(&self, k: usize, n: usize, settings: &Settings) -> Result<Vec<SequenceError>> {
+        let distances = self.distances(k, n, settings)?;
+        let mut errors: Vec<SequenceError> = ranges(&self.keys)
+            .into_iter()
+            .filter_map(|range| {
+                let (mut frames, mut sum, mut worst) = (0_u64, 0.0, (range.start, f64::NEG_INFINITY));
+                let own = distances.iter().enumerate();
+                for (t, distance) in own.skip(range.start).take(range.length) {
+                    if distance.is_nan() {
+                        continue;
+                    }
+                    frames += 1;
+                    sum += distance;
+                    if *distance > worst.1 {
+                        worst = (t, *distance);
+                    }
+                }
+                (frames > 0).then(|| SequenceError {
+                    range,
+                    frames,
+                    error: sum / frames as f64,
+                    worst: worst.0,
+                    worst_error: worst.1,
+                })
+            })
+            .collect();
+        errors.sort_by(|a, b| b.error.total_cmp(&a.error));
+        Ok(errors)
     }
 }

@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import { readFile, readdir } from "node:fs/promises";
 import { before, test } from "node:test";
 import { Worker } from "node:worker_threads";
+import { gzipSync } from "node:zlib";
 
 import init, * as tracklens from "../../pkg/node.js";
 
@@ -44,7 +45,7 @@ test("frames, a checkpoint and a table make an evaluation", async () => {
 
   const scoring = new tracklens.Scoring(truth, table);
   const evaluation = scoring.evaluate({ imageSize: [256, 256], thresholds: { cube: 1e-9 } });
-  assert.equal(evaluation.schema, "tracklens/evaluation/1");
+  assert.equal(evaluation.schema, "tracklens/evaluation/2");
   assert.equal(evaluation.frames, 15);
   assert.equal(evaluation.objects[0].tracked, false);
   assert.equal(evaluation.errors.length, 3);
@@ -176,4 +177,14 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
   await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, figures/);
+});
+
+test("what a browser downloads stays small", async () => {
+  const pkg = new URL("../../pkg/", import.meta.url);
+  const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
+  // What has to be there before the page can be used, what workers load, and what comes with the first score.
+  for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 400_000, figures: 200_000 })) {
+    const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
+    assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
+  }
 });

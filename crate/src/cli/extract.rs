@@ -93,6 +93,7 @@ pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
 
 pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     // Before the long work: a table that cannot be read should not cost minutes.
+    arguments.scoring.check()?;
     let source = &arguments.source;
     let frames = source.reading.open(&source.frames)?;
     let truth = source

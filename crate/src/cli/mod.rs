@@ -8,6 +8,7 @@ mod extract;
 mod files;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod painter;
 mod report;
 mod score;
 #[cfg(feature = "train")]

@@ -7,17 +7,16 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::painter::Painter;
 use super::score::parse_threshold;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::metric::default_threshold;
-use crate::report::{Figure, GroupReport, ObjectRunsReport, Run, Runs, RunsReport, figures};
+use crate::report::{Figure, GroupReport, ObjectRunsReport, Run, Runs, RunsReport, STYLE, figures};
 use crate::train::{CONFIG, LOG, SUMMARY};
 
 /// Folders below the given ones that are searched for runs.
 const DEPTH: usize = 6;
-/// Pixels of a PNG for one of the SVG.
-const PNG_SCALE: f32 = 2.0;
 
 #[derive(Debug, Args)]
 pub(super) struct ReportArguments {
@@ -250,64 +249,6 @@ fn markdown(report: &RunsReport, figures: &[Figure]) -> String {
     }
     out
 }
-
-/// Draws SVG documents as PNG, with a font of its own: the machine may have none.
-struct Painter {
-    options: resvg::usvg::Options<'static>,
-}
-
-impl Painter {
-    fn new() -> Self {
-        let mut options = resvg::usvg::Options::default();
-        let fonts = options.fontdb_mut();
-        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
-        let family = fonts
-            .faces()
-            .next()
-            .and_then(|face| face.families.first())
-            .map(|(name, _)| name.clone());
-        if let Some(family) = family {
-            fonts.set_sans_serif_family(family);
-        }
-        Self { options }
-    }
-
-    fn png(&self, svg: &str) -> Result<Vec<u8>> {
-        let failed =
-            |e: &dyn std::fmt::Display| Error::input(format!("a figure cannot be drawn as PNG: {e}"));
-        let tree = resvg::usvg::Tree::from_str(svg, &self.options).map_err(|e| failed(&e))?;
-        let size = tree.size().to_int_size();
-        let [width, height] = [size.width(), size.height()].map(|side| side * PNG_SCALE as u32);
-        let mut image =
-            resvg::tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed(&"it has no size"))?;
-        let scale = resvg::tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE);
-        resvg::render(&tree, scale, &mut image.as_mut());
-        image.encode_png().map_err(|e| failed(&e))
-    }
-}
-
-const STYLE: &str = "
-:root { color-scheme: light dark; --ink: #1c1c1e; --soft: #6b6b70; --plate: #ffffff; --line: #d9d9de; --good: #00734f; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #ececf0; --soft: #a3a3aa; --plate: #18181b; --line: #3a3a40; --good: #4fd1a5; }
-}
-body { margin: 0 auto; padding: 2rem 1.25rem 4rem; max-width: 68rem; background: var(--plate); color: var(--ink);
-  font: 16px/1.5 system-ui, sans-serif; }
-h1 { font-size: 1.7rem; margin: 0 0 .25rem; }
-h2 { font-size: 1.2rem; margin: 2.5rem 0 .5rem; }
-p, figcaption { color: var(--soft); max-width: 46rem; }
-.lead { color: var(--ink); font-size: 1.1rem; }
-.table { overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .35rem .8rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; }
-td small { color: var(--soft); }
-td.good { color: var(--good); font-weight: 600; }
-figure { margin: 1.5rem 0; }
-figure .plate { background: #fff; border: 1px solid var(--line); border-radius: 8px; overflow-x: auto; padding: .5rem; }
-figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
-@media print { body { max-width: none; padding: 0; } figure { break-inside: avoid; } }
-";
 
 fn interval_cell(value: Option<f64>, interval: Option<[f64; 2]>, digits: usize) -> Markup {
     html! {

@@ -1,17 +1,21 @@
 //! `tracklens score`, and how evaluations are shown.
 
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
 use super::files::{self, TruthArguments};
+use super::painter::Painter;
+use crate::atomic;
 use crate::data::Space;
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{EvaluationReport, HeldOutReport, IntervalsReport, JoinReport};
+use crate::report::{
+    ContextReport, EvaluationReport, JoinReport, Request, evaluation_figures, evaluation_page, shell_line,
+};
 use crate::scoring::Scoring;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -62,6 +66,19 @@ pub(super) struct ScoringArguments {
     /// Deals sequences to folds and draws the bootstrap
     #[arg(long, value_name = "SEED", default_value_t = 0)]
     resampling_seed: u64,
+    /// Also give the error of every object by sequence, the worst one first
+    #[arg(long)]
+    sequences: bool,
+    /// Also give what others measure: linear regression from all keypoints with PCK (Jakab et al.), precision and recall of
+    /// a min-cost assignment (Kulkarni et al.)
+    #[arg(long)]
+    context: bool,
+    /// Also write everything as one HTML file
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Also write every figure into this folder, as SVG and PNG
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
     /// Print the evaluation as JSON (the default when the output is not a terminal)
     #[arg(long, conflicts_with = "csv")]
     json: bool,
@@ -98,6 +115,7 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
 }
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
+    arguments.scoring.check()?;
     let truth = arguments.reading.read(&arguments.truth)?;
     let keypoints = files::read_keypoints(
         &arguments.keypoints,
@@ -111,6 +129,31 @@ pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
 }
 
 impl ScoringArguments {
+    /// Checks, before long work, that results can be written.
+    ///
+    /// # Errors
+    /// When they cannot.
+    pub fn check(&self) -> Result<()> {
+        self.report.as_deref().map_or(Ok(()), atomic::check)
+    }
+
+    fn request(&self, image_size: Option<[u32; 2]>) -> Request {
+        Request {
+            settings: Settings {
+                transform: self.transform,
+                rank: self.rank,
+            },
+            thresholds: self.thresholds.clone(),
+            image_size,
+            folds: self.folds,
+            bootstrap: self.bootstrap,
+            seed: self.resampling_seed,
+            // Their figures and tables need them.
+            sequences: self.sequences || self.report.is_some() || self.figures.is_some(),
+            context: self.context,
+        }
+    }
+
     /// Scores and prints. `image_size` is the size of the images, where it is known.
     pub fn score(
         &self,
@@ -119,21 +162,15 @@ impl ScoringArguments {
         image_size: Option<[u32; 2]>,
     ) -> Result<()> {
         let scoring = Scoring::new(truth, keypoints, self.non_finite)?;
-        let settings = Settings {
-            transform: self.transform,
-            rank: self.rank,
-        };
-        let evaluation = scoring.evaluate(&self.thresholds, &settings)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
-        let mut report = EvaluationReport::new(&evaluation, image_size, Some(&join));
-        let seed = self.resampling_seed;
-        if let Some(folds) = self.folds {
-            let held_out = scoring.held_out(folds, seed, &self.thresholds, &settings)?;
-            report.held_out = Some(HeldOutReport::new(&held_out, seed));
+        let mut report = self.request(image_size).evaluate(&scoring, &join)?;
+        report.command = Some(own_command()?);
+        if let Some(path) = &self.report {
+            atomic::write(path, evaluation_page(&report)?.as_bytes())?;
+            eprintln!("report written to {}", path.display());
         }
-        if let Some(resamples) = self.bootstrap {
-            let intervals = scoring.bootstrap(resamples, seed, &self.thresholds, &settings)?;
-            report.intervals = Some(IntervalsReport::new(&intervals, seed, &evaluation));
+        if let Some(folder) = &self.figures {
+            write_figures(&report, folder)?;
         }
         for rule in &join.rules {
             eprintln!("note: {rule}");
@@ -152,6 +189,32 @@ impl ScoringArguments {
         }
         Ok(())
     }
+}
+
+/// How this program was called.
+fn own_command() -> Result<String> {
+    let arguments: Vec<String> = std::env::args_os()
+        .skip(1)
+        .map(|argument| argument.to_string_lossy().into_owned())
+        .collect();
+    shell_line(
+        ["tracklens"]
+            .into_iter()
+            .chain(arguments.iter().map(String::as_str)),
+    )
+}
+
+fn write_figures(report: &EvaluationReport, folder: &Path) -> Result<()> {
+    let figures = evaluation_figures(report)?;
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), &e))?;
+    let painter = Painter::new();
+    for figure in &figures {
+        let path = |ending: &str| folder.join(format!("{}.{ending}", figure.name));
+        atomic::write(&path("svg"), figure.svg.as_bytes())?;
+        atomic::write(&path("png"), &painter.png(&figure.svg)?)?;
+    }
+    eprintln!("{} figures written to {}", figures.len(), folder.display());
+    Ok(())
 }
 
 fn print_table(report: &EvaluationReport) {
@@ -219,11 +282,53 @@ fn print_table(report: &EvaluationReport) {
             errors.join("; ")
         );
     }
+    if let Some(sequences) = &report.sequences {
+        for of in sequences {
+            let worst = of.errors.iter().take(3).map(|sequence| {
+                format!(
+                    "{} {:.5} (frame {} {:.5})",
+                    sequence.sequence, sequence.error, sequence.worst_frame, sequence.worst_error
+                )
+            });
+            let worst: Vec<String> = worst.collect();
+            println!("worst sequences of {}: {}", of.object, worst.join("; "));
+        }
+    }
+    if let Some(context) = &report.context {
+        print_context(context);
+    }
     println!(
         "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
         report.transform, report.rank
     );
     for warning in &report.warnings {
         println!("warning: {warning}");
+    }
+}
+
+fn print_context(context: &ContextReport) {
+    let shares = |shares: &[f64]| {
+        let shares = context.close.iter().zip(shares);
+        let shares: Vec<String> = shares
+            .map(|(close, share)| format!("{:.1} % within {:.1} %", 100.0 * share, 100.0 * close))
+            .collect();
+        shares.join(", ")
+    };
+    for row in &context.regression {
+        println!(
+            "linear regression from all keypoints, {}, of {}: error {}; PCK {}",
+            if row.held_out { "held out" } else { "same frames" },
+            row.object,
+            row.error.map_or_else(|| "–".to_owned(), |e| format!("{e:.5}")),
+            row.pck.as_ref().map_or_else(|| "–".to_owned(), |pck| shares(pck))
+        );
+    }
+    for row in &context.assignment {
+        println!(
+            "min-cost assignment once a {}: precision {}; recall {}",
+            row.trajectory,
+            shares(&row.precision),
+            shares(&row.recall)
+        );
     }
 }

@@ -28,6 +28,7 @@
 //! ```
 
 mod accumulator;
+pub mod context;
 mod evaluation;
 mod map;
 mod moments;
@@ -38,7 +39,7 @@ pub use accumulator::{Accumulator, NonFinite};
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};
 pub use map::{AffineMap, Fit, Rank, Transform};
 pub use moments::Moments;
-pub use sequences::{HeldOut, HeldOutObject, Intervals, bootstrap, held_out};
+pub use sequences::{Bootstrap, HeldOut, HeldOutObject, Intervals, bootstrap, deal, held_out};
 
 use ndarray::ArrayView3;
 

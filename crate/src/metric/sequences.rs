@@ -106,6 +106,25 @@ impl PairMoments {
     }
 }
 
+/// The fold of every sequence: shuffled with `seed`, then dealt in turn.
+///
+/// # Errors
+/// When there are fewer than two folds, or fewer sequences than folds.
+pub fn deal(sequences: usize, folds: usize, seed: u64) -> Result<Vec<usize>> {
+    if folds < 2 || sequences < folds {
+        return Err(Error::input(format!(
+            "{folds} folds of {sequences} sequences; expected at least 2 folds and a sequence for each"
+        )));
+    }
+    let mut order: Vec<usize> = (0..sequences).collect();
+    Rng::with_seed(seed).shuffle(&mut order);
+    let mut fold_of = vec![0; sequences];
+    for (place, sequence) in order.into_iter().enumerate() {
+        fold_of[sequence] = place % folds;
+    }
+    Ok(fold_of)
+}
+
 /// Scores every fold of the sequences with the best keypoints and maps of the other folds. `parts` are the moments of one
 /// sequence each; `seed` deals them to the folds, whose numbers of sequences differ by one at most.
 ///
@@ -118,23 +137,16 @@ pub fn held_out(
     objects: &[Object],
     settings: &Settings,
 ) -> Result<HeldOut> {
-    if folds < 2 || parts.len() < folds {
-        return Err(Error::input(format!(
-            "{folds} folds of {} sequences; expected at least 2 folds and a sequence for each",
-            parts.len()
-        )));
-    }
-    let mut order: Vec<usize> = (0..parts.len()).collect();
-    Rng::with_seed(seed).shuffle(&mut order);
+    let fold_of = deal(parts.len(), folds, seed)?;
     let mut sums = vec![0.0; objects.len()];
     let mut frames = vec![0; objects.len()];
     let mut keypoints = vec![Vec::with_capacity(folds); objects.len()];
     for fold in 0..folds {
         let dealt = |inside: bool| {
-            let places = order.iter().enumerate();
+            let places = parts.iter().zip(&fold_of);
             places
-                .filter(move |(place, _)| (place % folds == fold) == inside)
-                .map(|(_, part)| &parts[*part])
+                .filter(move |(_, own)| (**own == fold) == inside)
+                .map(|(part, _)| part)
         };
         let others = Moments::of(dealt(false))?;
         let own = Moments::of(dealt(true))?;
@@ -185,38 +197,86 @@ pub fn bootstrap(
     objects: &[Object],
     settings: &Settings,
 ) -> Result<Intervals> {
-    if parts.len() < 2 || resamples == 0 {
-        return Err(Error::input(format!(
-            "{resamples} resamples of {} sequences; expected at least 1 of at least 2",
-            parts.len()
-        )));
-    }
-    if !(level > 0.0 && level < 1.0) {
-        return Err(Error::input(format!(
-            "the level {level}; expected one between 0 and 1, e.g. 0.95"
-        )));
-    }
-    let mut rng = Rng::with_seed(seed);
-    let mut capabilities = Vec::with_capacity(resamples);
-    let mut errors = vec![Vec::with_capacity(resamples); objects.len()];
-    for _ in 0..resamples {
-        let drawn = (0..parts.len()).map(|_| &parts[rng.usize(0..parts.len())]);
-        let evaluation = Moments::of(drawn)?.evaluate(objects, settings)?;
-        capabilities.push(evaluation.tracking_capability);
-        for (errors, object) in errors.iter_mut().zip(&evaluation.objects) {
-            errors.extend(object.best.map(|best| best.fit.error()));
+    let mut bootstrap = Bootstrap::new(level, seed, objects.to_vec(), *settings)?;
+    bootstrap.draw(parts, resamples)?;
+    bootstrap.finish()
+}
+
+/// A [`bootstrap`] that can be drawn in steps, for those who have to do something else in between.
+#[derive(Debug, Clone)]
+pub struct Bootstrap {
+    level: f64,
+    rng: Rng,
+    objects: Vec<Object>,
+    settings: Settings,
+    capabilities: Vec<f64>,
+    errors: Vec<Vec<f64>>,
+}
+
+impl Bootstrap {
+    /// Nothing is drawn yet.
+    ///
+    /// # Errors
+    /// When `level` is not between 0 and 1.
+    pub fn new(level: f64, seed: u64, objects: Vec<Object>, settings: Settings) -> Result<Self> {
+        if !(level > 0.0 && level < 1.0) {
+            return Err(Error::input(format!(
+                "the level {level}; expected one between 0 and 1, e.g. 0.95"
+            )));
         }
+        Ok(Self {
+            level,
+            rng: Rng::with_seed(seed),
+            errors: vec![Vec::new(); objects.len()],
+            objects,
+            settings,
+            capabilities: Vec::new(),
+        })
     }
-    Ok(Intervals {
-        level,
-        resamples,
-        tracking_capability: percentile_interval(&capabilities, level)?,
-        errors: errors
-            .into_iter()
-            .map(|errors| {
-                let all = errors.len() == resamples;
-                all.then(|| percentile_interval(&errors, level)).transpose()
-            })
-            .collect::<Result<_>>()?,
-    })
+
+    /// Draws the sequences `resamples` times more; the same `parts` every time.
+    ///
+    /// # Errors
+    /// When there are fewer than two sequences; as [`Moments::evaluate`].
+    pub fn draw(&mut self, parts: &[Moments], resamples: usize) -> Result<()> {
+        if parts.len() < 2 {
+            return Err(Error::input(format!(
+                "{resamples} resamples of {} sequences; expected at least 1 of at least 2",
+                parts.len()
+            )));
+        }
+        for _ in 0..resamples {
+            let drawn = (0..parts.len()).map(|_| &parts[self.rng.usize(0..parts.len())]);
+            let evaluation = Moments::of(drawn)?.evaluate(&self.objects, &self.settings)?;
+            self.capabilities.push(evaluation.tracking_capability);
+            for (errors, object) in self.errors.iter_mut().zip(&evaluation.objects) {
+                errors.extend(object.best.map(|best| best.fit.error()));
+            }
+        }
+        Ok(())
+    }
+
+    /// The intervals of what was drawn.
+    ///
+    /// # Errors
+    /// When nothing was drawn.
+    pub fn finish(self) -> Result<Intervals> {
+        let resamples = self.capabilities.len();
+        if resamples == 0 {
+            return Err(Error::input("0 resamples of the sequences; expected at least 1"));
+        }
+        Ok(Intervals {
+            level: self.level,
+            resamples,
+            tracking_capability: percentile_interval(&self.capabilities, self.level)?,
+            errors: self
+                .errors
+                .into_iter()
+                .map(|errors| {
+                    let all = errors.len() == resamples;
+                    all.then(|| percentile_interval(&errors, self.level)).transpose()
+                })
+                .collect::<Result<_>>()?,
+        })
+    }
 }

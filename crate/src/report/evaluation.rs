@@ -1,10 +1,18 @@
-//! An evaluation as JSON and CSV (schema `tracklens/evaluation/1`).
+//! An evaluation as JSON and CSV (schema `tracklens/evaluation/2`, which `docs/metrics.md` describes).
 
 use serde::{Deserialize, Serialize};
 
 use crate::data::Join;
+use crate::error::{Error, Result};
+use crate::metric::context::{Assignment, CLOSE, Regression};
 use crate::metric::{Evaluation, HeldOut, HeldOutObject, Intervals, Transform};
+use crate::scoring::{Context, SequenceError};
 use crate::track::FrameKey;
+
+/// The name of the schema, before its number.
+const SCHEMA: &str = "tracklens/evaluation/";
+/// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of images and command.
+const NEWEST: u32 = 2;
 
 const CSV_HEADER: &str = "object,tracked,error,threshold,best_keypoint,error_sum,rmse,rmse_px,frames,outside,\
                           transform,rank,protocol\n";
@@ -15,10 +23,13 @@ const SHOWN: usize = 5;
 /// The result of scoring one detector, as written to JSON. Points and errors are in ndc, (x, y).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationReport {
-    /// `tracklens/evaluation/1`.
+    /// `tracklens/evaluation/2`.
     pub schema: String,
     /// The version that computed it.
     pub version: String,
+    /// The command that repeats it, where one does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
     /// Tracking capability: the share of tracked objects.
     pub tc: f64,
     /// The number of frames T.
@@ -37,12 +48,92 @@ pub struct EvaluationReport {
     pub errors: Vec<Vec<Option<f64>>>,
     /// What a person should know.
     pub warnings: Vec<String>,
+    /// Width and height of the images in pixels, where they are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_size: Option<[u32; 2]>,
+    /// How frames found their rows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub join: Option<JoinSummary>,
     /// The same on sequences that the maps were not fitted on, where that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOutReport>,
     /// 95 % intervals, where they were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intervals: Option<IntervalsReport>,
+    /// The errors of the best keypoints by sequence, where they were asked for; in the order of the objects that are
+    /// visible.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sequences: Option<Vec<SequencesReport>>,
+    /// What others measure of the same data, where it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub context: Option<ContextReport>,
+}
+
+/// The errors of one object by sequence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SequencesReport {
+    /// The name of the object.
+    pub object: String,
+    /// The keypoint, counted from 0.
+    pub keypoint: usize,
+    /// The sequences that show the object, the worst one first.
+    pub errors: Vec<SequenceReport>,
+}
+
+/// [`SequenceError`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SequenceReport {
+    /// The name of the sequence.
+    pub sequence: String,
+    /// Frames in which the object is visible.
+    pub frames: u64,
+    /// The mean squared distance over these frames.
+    pub error: f64,
+    /// The number of the frame with the largest squared distance.
+    pub worst_frame: u64,
+    /// That squared distance.
+    pub worst_error: f64,
+}
+
+/// [`Context`] as JSON; the shares stand in the order of `close`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ContextReport {
+    /// The distances that count as close, as shares of the side of the image.
+    pub close: Vec<f64>,
+    /// Every object by linear regression from all keypoints, with PCK.
+    pub regression: Vec<RegressionReport>,
+    /// Keypoints matched one to one to objects, in every frame and in every sequence.
+    pub assignment: Vec<AssignmentReport>,
+}
+
+/// [`Regression`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RegressionReport {
+    /// The name of the object.
+    pub object: String,
+    /// Whether the frames that are predicted were not fitted.
+    pub held_out: bool,
+    /// Frames that were predicted.
+    pub frames: u64,
+    /// The mean squared distance of the predictions.
+    pub error: Option<f64>,
+    /// The share of frames whose prediction is close.
+    pub pck: Option<Vec<f64>>,
+}
+
+/// [`Assignment`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AssignmentReport {
+    /// What is matched: `frame` or `sequence`.
+    pub trajectory: String,
+    /// The number of trajectories of keypoints.
+    pub keypoints: u64,
+    /// The number of trajectories of objects.
+    pub objects: u64,
+    /// The share of keypoints' trajectories that are matched closely.
+    pub precision: Vec<f64>,
+    /// The share of objects' trajectories that are matched closely.
+    pub recall: Vec<f64>,
 }
 
 /// [`HeldOut`] as JSON.
@@ -84,7 +175,7 @@ pub struct IntervalsReport {
     pub seed: u64,
     /// Of the tracking capability.
     pub tc: [f64; 2],
-    /// Of the objects\' errors.
+    /// Of the objects' errors.
     pub objects: Vec<IntervalReport>,
 }
 
@@ -116,9 +207,9 @@ impl HeldOutReport {
 }
 
 impl IntervalsReport {
-    /// The report of `intervals`, drawn with `seed`, over the objects of `evaluation`.
-    pub fn new(intervals: &Intervals, seed: u64, evaluation: &Evaluation) -> Self {
-        let objects = evaluation.objects.iter().zip(&intervals.errors);
+    /// The report of `intervals`, drawn with `seed`, over the objects `names`.
+    pub fn new(intervals: &Intervals, seed: u64, names: &[String]) -> Self {
+        let objects = names.iter().zip(&intervals.errors);
         Self {
             method: "percentile bootstrap over sequences".to_owned(),
             level: intervals.level,
@@ -126,8 +217,8 @@ impl IntervalsReport {
             seed,
             tc: intervals.tracking_capability,
             objects: objects
-                .map(|(object, error)| IntervalReport {
-                    name: object.name.clone(),
+                .map(|(name, error)| IntervalReport {
+                    name: name.clone(),
                     error: *error,
                 })
                 .collect(),
@@ -146,6 +237,9 @@ pub struct ObjectReport {
     pub tracked: bool,
     /// `n*_k`, counted from 0.
     pub best_keypoint: Option<usize>,
+    /// The keypoint with the second smallest error, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_best: Option<KeypointError>,
     /// The mean over time of the squared distance.
     pub error: Option<f64>,
     /// The sum over time of the squared distance.
@@ -161,6 +255,15 @@ pub struct ObjectReport {
     pub outside: u64,
     /// `truth = a z + b` on column vectors (x, y).
     pub map: Option<MapReport>,
+}
+
+/// A keypoint and its error.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct KeypointError {
+    /// Counted from 0.
+    pub keypoint: usize,
+    /// The mean over time of the squared distance.
+    pub error: f64,
 }
 
 /// An affine map on column vectors (x, y).
@@ -186,8 +289,21 @@ pub struct JoinReport {
     pub unmatched_rows: Unmatched,
 }
 
+/// [`JoinReport`] as it stands in an evaluation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JoinSummary {
+    /// Frames with a row.
+    pub matched: usize,
+    /// How sequences and frames were matched, in words.
+    pub rules: Vec<String>,
+    /// Frames without a row.
+    pub unmatched_frames: Unmatched,
+    /// Rows without a frame.
+    pub unmatched_rows: Unmatched,
+}
+
 /// What found no partner.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unmatched {
     /// How many.
     pub count: usize,
@@ -202,13 +318,22 @@ impl EvaluationReport {
         let objects: Vec<ObjectReport> = evaluation
             .objects
             .iter()
-            .map(|object| {
+            .zip(evaluation.errors.outer_iter())
+            .map(|(object, errors)| {
                 let fit = object.best.map(|best| best.fit);
                 ObjectReport {
                     name: object.name.clone(),
                     threshold: object.threshold,
                     tracked: object.tracked,
                     best_keypoint: object.best.map(|best| best.keypoint),
+                    second_best: object.best.and_then(|best| {
+                        let others = errors.iter().enumerate().filter(|(n, _)| *n != best.keypoint);
+                        let second = others.min_by(|a, b| a.1.total_cmp(b.1));
+                        second.map(|(keypoint, error)| KeypointError {
+                            keypoint,
+                            error: *error,
+                        })
+                    }),
                     error: fit.map(|f| f.error()),
                     error_sum: fit.map(|f| f.error_sum()),
                     rmse: fit.map(|f| f.rmse()),
@@ -224,8 +349,9 @@ impl EvaluationReport {
             .collect();
         let finite = |e: &f64| Some(*e).filter(|e| e.is_finite());
         Self {
-            schema: "tracklens/evaluation/1".to_owned(),
+            schema: format!("{SCHEMA}{NEWEST}"),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: None,
             tc: evaluation.tracking_capability,
             frames: evaluation.frames,
             excluded: evaluation.excluded,
@@ -243,9 +369,65 @@ impl EvaluationReport {
                 .chain(warnings(evaluation))
                 .collect(),
             objects,
+            image_size,
+            join: join.map(JoinReport::summary),
             held_out: None,
             intervals: None,
+            sequences: None,
+            context: None,
         }
+    }
+
+    /// Reads the JSON of an evaluation, of this schema or an older one. `name` is that of the file.
+    ///
+    /// # Errors
+    /// When it is no such JSON, of a newer schema, or its parts do not fit each other; the message says what to do.
+    pub fn parse(bytes: &[u8], name: &str) -> Result<Self> {
+        let wrong = |text: String| Error::input(text).at(name);
+        #[derive(Deserialize)]
+        struct Head {
+            schema: Option<String>,
+        }
+        let head: Head = serde_json::from_slice(bytes).map_err(|e| {
+            wrong(format!(
+                "no JSON of an evaluation ({e}); expected what `tracklens score --json` prints"
+            ))
+        })?;
+        let schema = head.schema.as_deref().unwrap_or_default();
+        let number = schema.strip_prefix(SCHEMA).and_then(|n| n.parse::<u32>().ok());
+        match number {
+            Some(1..=NEWEST) => {}
+            Some(newer) if newer > NEWEST => {
+                return Err(wrong(format!(
+                    "the evaluation has the schema `{schema}`; this version ({}) reads up to `{SCHEMA}{NEWEST}`. Use the \
+                     version of tracklens that wrote it, or a newer one",
+                    env!("CARGO_PKG_VERSION")
+                )));
+            }
+            _ => {
+                return Err(wrong(format!(
+                    "the schema is `{schema}`; expected `{SCHEMA}{NEWEST}`, as `tracklens score --json` writes it"
+                )));
+            }
+        }
+        let report: Self = serde_json::from_slice(bytes)
+            .map_err(|e| wrong(format!("an evaluation that is not complete: {e}; save it again")))?;
+        let keypoints = report.errors.first().map_or(0, Vec::len);
+        let fits = report.errors.len() == report.objects.len()
+            && report.errors.iter().all(|row| row.len() == keypoints)
+            && report
+                .objects
+                .iter()
+                .all(|object| object.best_keypoint.is_none_or(|n| n < keypoints));
+        if report.objects.is_empty() || keypoints == 0 || !fits {
+            return Err(wrong(format!(
+                "{} objects and a matrix of {} x {keypoints} errors do not make an evaluation; expected one row an object, \
+                 of equal lengths",
+                report.objects.len(),
+                report.errors.len()
+            )));
+        }
+        Ok(report)
     }
 
     /// One line an object as CSV: what a spreadsheet of many evaluations is made of.
@@ -316,7 +498,71 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
     out
 }
 
+impl SequencesReport {
+    /// The report of `errors`; `keys` are the joined frames.
+    pub fn new(object: &str, keypoint: usize, errors: &[SequenceError], keys: &[FrameKey]) -> Self {
+        let sequence = |error: &SequenceError| SequenceReport {
+            sequence: error.range.name.clone(),
+            frames: error.frames,
+            error: error.error,
+            worst_frame: keys[error.worst].frame,
+            worst_error: error.worst_error,
+        };
+        Self {
+            object: object.to_owned(),
+            keypoint,
+            errors: errors.iter().map(sequence).collect(),
+        }
+    }
+}
+
+impl ContextReport {
+    /// The report of `context`, whose objects are `names`.
+    pub fn new(context: &Context, names: &[String]) -> Self {
+        let regression = |held_out: bool, found: &[Regression]| {
+            let objects = names.iter().zip(found);
+            objects
+                .map(|(name, found)| RegressionReport {
+                    object: name.clone(),
+                    held_out,
+                    frames: found.frames,
+                    error: found.error,
+                    pck: found.close.map(|shares| shares.to_vec()),
+                })
+                .collect::<Vec<_>>()
+        };
+        let assignment = |trajectory: &str, found: &Assignment| AssignmentReport {
+            trajectory: trajectory.to_owned(),
+            keypoints: found.keypoints,
+            objects: found.objects,
+            precision: found.precision.to_vec(),
+            recall: found.recall.to_vec(),
+        };
+        let mut objects = regression(false, &context.regression);
+        if let Some(held_out) = &context.held_out_regression {
+            objects.extend(regression(true, held_out));
+        }
+        Self {
+            close: CLOSE.to_vec(),
+            regression: objects,
+            assignment: vec![
+                assignment("frame", &context.frames),
+                assignment("sequence", &context.sequences),
+            ],
+        }
+    }
+}
+
 impl JoinReport {
+    fn summary(&self) -> JoinSummary {
+        JoinSummary {
+            matched: self.matched,
+            rules: self.rules.clone(),
+            unmatched_frames: self.unmatched_frames.clone(),
+            unmatched_rows: self.unmatched_rows.clone(),
+        }
+    }
+
     fn warnings(&self) -> Vec<String> {
         let told = |what: &str, unmatched: &Unmatched| {
             let more = if unmatched.count > unmatched.first.len() {

@@ -35,7 +35,7 @@ impl TryFrom<String> for Color {
 }
 
 impl Color {
-    fn rgb(self) -> RGBColor {
+    pub(super) fn rgb(self) -> RGBColor {
         RGBColor(self.0[0], self.0[1], self.0[2])
     }
 }

@@ -14,7 +14,7 @@ type Done<B> = Result<(), DrawingErrorKind<<B as DrawingBackend>::ErrorType>>;
 pub(super) struct Measured<B>(pub B);
 
 /// Mean advance of a sans-serif glyph, in ems.
-const ADVANCE: f64 = 0.55;
+pub(super) const ADVANCE: f64 = 0.55;
 
 impl<B: DrawingBackend> DrawingBackend for Measured<B> {
     type ErrorType = B::ErrorType;

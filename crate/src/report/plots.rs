@@ -15,6 +15,7 @@ use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
+use super::figures::{Figure, file_name};
 use super::measured::Measured;
 use super::runs::{Group, Runs, RunsReport, error};
 use crate::error::{Error, Result};
@@ -44,17 +45,6 @@ const EM: i32 = 13;
 const PANEL: [u32; 2] = [300, 250];
 /// Room for the legend above the panels.
 const LEGEND: u32 = 34;
-
-/// One figure.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Figure {
-    /// The name of its files, without the ending.
-    pub name: String,
-    /// What it shows, in one sentence.
-    pub caption: String,
-    /// The SVG document.
-    pub svg: String,
-}
 
 type Backend<'a> = Measured<SVGBackend<'a>>;
 type Area<'a> = DrawingArea<Backend<'a>, Shift>;
@@ -520,16 +510,4 @@ fn place(report: &RunsReport, group: &super::runs::GroupReport) -> usize {
         .iter()
         .position(|g| g.name == group.name)
         .unwrap_or(0)
-}
-
-/// A name that every file system takes.
-fn file_name(name: &str) -> String {
-    let plain = |c: char| {
-        if c.is_ascii_alphanumeric() || c == '-' || c == '.' {
-            c
-        } else {
-            '_'
-        }
-    };
-    name.chars().map(plain).collect()
 }
