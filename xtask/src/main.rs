@@ -78,9 +78,12 @@ enum Task {
         /// Leave out the sweeps on Slurm and GNU parallel, which need Linux and root.
         #[arg(long)]
         skip_cluster: bool,
-        /// Leave out the GPU, natively and in the page: burn is built once more for each, and the first needs Mesa's lavapipe.
+        /// Leave out the GPU, which builds burn once more and needs Mesa's lavapipe.
         #[arg(long)]
         skip_gpu: bool,
+        /// Also extraction on WebGPU in the page, which builds burn once more, for wasm.
+        #[arg(long)]
+        page_gpu: bool,
     },
     /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
@@ -123,8 +126,10 @@ fn perform(task: Task) -> Result<()> {
             skip_recorder,
             skip_cluster,
             skip_gpu,
+            page_gpu,
         } => test::run(
             &workspace,
+            page_gpu,
             &test::Skipped {
                 page: skip_page,
                 recorder: skip_recorder,

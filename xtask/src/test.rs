@@ -22,16 +22,20 @@ pub struct Skipped {
     pub gpu: bool,
 }
 
-pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
+/// Runs the tests; with `page_gpu` also those of the page on WebGPU.
+///
+/// # Errors
+/// A test fails, or what it needs cannot be installed.
+pub fn run(workspace: &Workspace, page_gpu: bool, skipped: &Skipped) -> Result<()> {
     let mut steps = Steps::new();
     let browsers = if skipped.page {
         None
     } else {
         steps.run("set-up: Chromium and chromedriver", setup::browsers)
     };
-    let gpu = !skipped.gpu;
-    let package = steps.run("wasm package", || package::build(workspace, gpu));
-    let site = package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site(), gpu)));
+    let package = steps.run("wasm package", || package::build(workspace, page_gpu));
+    let site =
+        package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site(), page_gpu)));
 
     steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
     steps.run("metric alone", || {
