@@ -30,8 +30,14 @@ export function version(): string;
 
 /** What a file is taken for, with the reason in words. */
 export interface Classification {
-  role: "image" | "ground-truth" | "keypoints" | "checkpoint" | "unknown";
+  /**
+   * `recording`: frames and points as arrays, for {@link Arrays}; `archive`: for {@link readArchive}; `result`: an
+   * {@link Evaluation} as JSON.
+   */
+  role: "image" | "ground-truth" | "keypoints" | "checkpoint" | "recording" | "archive" | "video" | "result" | "unknown";
   reason: string;
+  /** Whether the content could as well be something else. */
+  guess: boolean;
 }
 
 /**
@@ -59,6 +65,21 @@ export interface TableOptions {
   imageSize?: [number, number];
 }
 
+/** A value, and whether a person said it (in the options), the file says it, or it is a guess. */
+export interface Known<T> {
+  value: T;
+  by: "said" | "file" | "guess";
+}
+
+/** What the numbers of a table were taken for. */
+export interface Reading {
+  /** In words, e.g. `one row a point`, `DeepLabCut`. */
+  layout: string;
+  space: Known<"ndc" | "px">;
+  axisOrder: Known<"xy" | "yx">;
+  indexBase: Known<number>;
+}
+
 /** Ground truth: table `sequence,frame,object,x,y` (tidy CSV, ndc; empty x and y = not visible). */
 export class GroundTruthTable {
   private constructor();
@@ -68,6 +89,7 @@ export class GroundTruthTable {
   readonly objects: string[];
   readonly frames: number;
   readonly sequences: number;
+  readonly reading: Reading;
   /** What a person should know of how the table was read, e.g. a semicolon as separator. */
   readonly notices: string[];
   free(): void;
@@ -84,6 +106,7 @@ export class KeypointTable {
   readonly name: string;
   readonly keypoints: number;
   readonly frames: number;
+  readonly reading: Reading;
   readonly notices: string[];
   /** The table as CSV, as `tracklens extract` writes it. */
   toCsv(): string;
@@ -97,6 +120,8 @@ export class KeypointTable {
  */
 export class FrameIndex {
   constructor(paths: string[]);
+  /** All `paths` are frames, whatever their endings; e.g. those in an NPZ file. */
+  static ofAll(paths: string[]): FrameIndex;
   /** The number of frames. */
   readonly length: number;
   readonly sequences: SequenceRange[];
@@ -112,6 +137,52 @@ export class FrameIndex {
   free(): void;
 }
 
+/** A file in a ZIP archive. */
+export interface ArchiveEntry {
+  path: string;
+  /** Where its local header begins. */
+  offset: number;
+  /** Bytes in the archive, and unpacked. */
+  packed: number;
+  size: number;
+  /** By DEFLATE; otherwise stored as it is. */
+  deflated: boolean;
+  crc32: number;
+  /** Why it cannot be unpacked (encrypted, another method, too large or too well packed); otherwise empty. */
+  problem: string;
+}
+
+/**
+ * The directory of a ZIP archive of `size` bytes from its last ones, `tail` (256 kB are enough for most); `needs` is where
+ * the directory begins if more are needed. Throws when it is damaged, has more than 200,000 entries, or entries share bytes.
+ */
+export function readArchive(
+  tail: Uint8Array,
+  size: number,
+  name: string,
+): { entries: ArchiveEntry[]; needs: null } | { entries: null; needs: number };
+
+/** The arrays (`.npy`) of an NPZ file. Frames stay where they are; of points all bytes are needed. */
+export class Arrays {
+  constructor(name: string);
+  /** Whether an array of this name holds frames, points or their names; the others are not needed. */
+  static uses(array: string): boolean;
+  /** How many bytes from the beginning of an array of `size` bytes {@link add} needs. */
+  static bytesNeeded(array: string, size: number): number;
+  /** Adds an array: its name without `.npy`, its first bytes, and the size of all of it. */
+  add(array: string, bytes: Uint8Array, size: number): void;
+  readonly hasFrames: boolean;
+  readonly hasPoints: boolean;
+  /**
+   * Where the frames lie: frame i in order is the `length` bytes of `array` from `start + i * length`. `header` before them
+   * makes a `.npy` file, which {@link Encoder.extract} takes. `paths` are for {@link FrameIndex.ofAll}.
+   */
+  frames(): { array: string; paths: string[]; width: number; height: number; start: number; length: number; header: number[] };
+  groundTruth(options?: TableOptions): GroundTruthTable;
+  keypoints(options?: TableOptions): KeypointTable;
+  free(): void;
+}
+
 /** How frames found their rows. */
 export interface JoinReport {
   matched: number;
@@ -121,6 +192,15 @@ export interface JoinReport {
   unmatchedFrames: { count: number; first: string[] };
   /** Frames of the ground truth for which there is no image or keypoint: how many, and the first ones. */
   unmatchedRows: { count: number; first: string[] };
+  /** All of both, by sequence. */
+  unmatched: { frames: UnmatchedSequence[]; rows: UnmatchedSequence[] };
+}
+
+/** Frames of a sequence without a partner: how many, and their numbers, e.g. `0–4, 7`. */
+export interface UnmatchedSequence {
+  sequence: string;
+  count: number;
+  frames: string;
 }
 
 /** Joins frames to the rows of a ground truth without scoring. Throws when nothing matches. */
@@ -163,7 +243,7 @@ export function latentToImage(config: string, points: Float64Array, width: numbe
 export class Encoder {
   constructor(bytes: Uint8Array, name: string);
   readonly info: EncoderInfo;
-  /** Decodes a PNG, JPEG or WebP image and extracts its keypoints. */
+  /** Decodes a PNG, JPEG or WebP image, or a numpy array of a frame (`.npy`), and extracts its keypoints. */
   extract(image: Uint8Array, name: string): Extraction;
   free(): void;
 }

@@ -504,7 +504,20 @@ fn files_are_recognised_by_name_and_header() {
         by_content("w", "basic-vel-std-bg-tiny.pth").reason,
         "a PyTorch checkpoint, by its content"
     );
-    assert_eq!(role("frames.zip", "PK\u{3}\u{4} something else"), Role::Unknown);
+    assert_eq!(role("frames.zip", "PK\u{3}\u{4} something else"), Role::Archive);
+    assert_eq!(
+        by_content("w.zip", "basic-vel-std-bg-tiny.pth").role,
+        Role::Checkpoint
+    );
+    assert_eq!(role("push.npz", "PK\u{3}\u{4}"), Role::Recording);
+    assert_eq!(role("push.MP4", ""), Role::Video);
+    assert_eq!(
+        role("r.json", "{ \"schema\": \"tracklens/evaluation/1\""),
+        Role::Result
+    );
+    assert_eq!(role("push.hdf5", ""), Role::Unknown);
+    // Two columns a point say nothing of what the points are.
+    assert!(classify("t.csv", b"frame,a_x,a_y\n").guess && !classify("gt.csv", b"object,x,y\n").guess);
     assert_eq!(role("notes.pdf", ""), Role::Unknown);
     assert_eq!(role("__MACOSX/frame_0.png", ""), Role::Unknown);
     assert!(

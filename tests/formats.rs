@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use ndarray::{Array3, Array4, ArrayView};
 use serde_json::Value;
 use tracklens::data::{
-    AxisOrder, Frame, FrameSource, NpzWriter, Pixels, Recording, Split, TableOptions, ground_truth_csv,
+    ArchiveEntry, ArchiveIndex, AxisOrder, Frame, FrameSource, Ground, NpyArray, NpzWriter, Pixels,
+    Recording, Space, Split, TableOptions, ground_truth_csv, ground_truth_of_arrays, keypoints_of_arrays,
     numpy_permutation, parse_ground_truth, parse_npz_ground_truth, parse_npz_keypoints,
 };
 use tracklens::track::FrameKey;
@@ -109,14 +110,21 @@ fn expected() -> Expected {
     }
 }
 
+fn read_as(axes: Option<AxisOrder>) -> TableOptions {
+    TableOptions {
+        axes,
+        ..TableOptions::default()
+    }
+}
+
 fn npz(name: &str, axes: Option<AxisOrder>) -> Recording {
     let bytes = fixture(&format!("data/formats/{name}"));
-    Recording::from_npz(Cursor::new(bytes), axes).unwrap_or_else(|e| panic!("{name}: {e}"))
+    Recording::from_npz(Cursor::new(bytes), &read_as(axes)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 fn hdf5(name: &str, axes: Option<AxisOrder>) -> Recording {
     let bytes = fixture(&format!("data/formats/{name}"));
-    Recording::from_hdf5_bytes(bytes, axes).unwrap_or_else(|e| panic!("{name}: {e}"))
+    Recording::from_hdf5_bytes(bytes, &read_as(axes)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// Every frame of `recording` holds `value` of the expected floats, bit for bit.
@@ -227,13 +235,13 @@ fn npz_recordings_are_read() {
 #[test]
 fn points_alone_are_a_ground_truth_or_keypoints() {
     let bytes = fixture("data/formats/points.npz");
-    let table = parse_npz_ground_truth(&bytes, "points.npz", None).expect("a ground truth");
+    let table = parse_npz_ground_truth(&bytes, "points.npz", &read_as(None)).expect("a ground truth");
     assert_eq!(table.content.names(), NAMES);
     assert_eq!(*table.content.points_ndc(), expected().points);
-    let track = parse_npz_keypoints(&bytes, "points.npz", Some(AxisOrder::Yx)).expect("keypoints");
+    let track = parse_npz_keypoints(&bytes, "points.npz", &read_as(Some(AxisOrder::Yx))).expect("keypoints");
     assert_eq!(track.content.keypoints(), 5);
     assert_eq!(track.content.frame(2)[[1, 0]], table.content.frame(2)[[1, 1]]);
-    let error = Recording::from_npz(Cursor::new(bytes), None)
+    let error = Recording::from_npz(Cursor::new(bytes), &read_as(None))
         .err()
         .expect("no frames");
     assert!(
@@ -271,7 +279,7 @@ fn written(fill: impl FnOnce(&mut NpzWriter<Cursor<Vec<u8>>>)) -> Vec<u8> {
 }
 
 fn npz_error(bytes: Vec<u8>) -> String {
-    let recording = Recording::from_npz(Cursor::new(bytes), None);
+    let recording = Recording::from_npz(Cursor::new(bytes), &read_as(None));
     recording
         .and_then(|r| r.read(0).map(|_| ()))
         .expect_err("a bad file")
@@ -295,7 +303,7 @@ fn what_is_written_is_read_again() {
             .expect("written");
         npz.strings("names", &["ein Würfel".to_owned()]).expect("written");
     });
-    let recording = Recording::from_npz(Cursor::new(bytes), None).expect("a recording");
+    let recording = Recording::from_npz(Cursor::new(bytes), &read_as(None)).expect("a recording");
     assert_eq!(recording.image_size(), [20, 16]);
     for i in 0..6 {
         let frame = recording.read(i).expect("a frame");
@@ -407,7 +415,7 @@ fn bad_points_are_told_apart() {
         npz.floats("sites", &[2, 3, 1, 2], values.into_iter())
             .expect("written")
     });
-    let table = parse_npz_ground_truth(&bytes, "gt.npz", None).expect("a ground truth");
+    let table = parse_npz_ground_truth(&bytes, "gt.npz", &read_as(None)).expect("a ground truth");
     assert!(table.notices.join("\n").contains("1 of 6 positions are missing"));
 }
 
@@ -415,7 +423,7 @@ fn bad_points_are_told_apart() {
 fn bad_hdf5_files_are_errors() {
     let whole = fixture("data/formats/record.hdf5");
     let read = |bytes: Vec<u8>| {
-        let recording = Recording::from_hdf5_bytes(bytes, None)?;
+        let recording = Recording::from_hdf5_bytes(bytes, &read_as(None))?;
         (0..recording.index().keys().len()).try_for_each(|i| recording.read(i).map(|_| ()))
     };
     for length in [0, 8, 100, 1000, whole.len() / 2, whole.len() - 1] {
@@ -462,4 +470,106 @@ fn floats_become_bytes_only_when_asked() {
         let error = Frame::from_pixels(16, 16, Pixels::Floats(floats)).expect_err("a wrong value");
         assert!(error.to_string().contains("pixel (0, 1)"), "{error}");
     }
+}
+
+/// The arrays of an NPZ file that `NpzWriter` made: stored, so that they lie in the file as they are.
+fn arrays(bytes: &[u8], whole: bool) -> Vec<NpyArray> {
+    let ArchiveIndex::Entries(entries) = ArchiveIndex::read(bytes, bytes.len() as u64).expect("a directory")
+    else {
+        panic!("all of it was given");
+    };
+    let array = |entry: &ArchiveEntry| {
+        let header = &bytes[entry.offset as usize..];
+        let length = |at: usize| usize::from(u16::from_le_bytes([header[at], header[at + 1]]));
+        let start = entry.offset as usize + 30 + length(26) + length(28);
+        let name = entry.path.trim_end_matches(".npy").to_owned();
+        let kept = match whole || NpyArray::is_needed_whole(&name) {
+            true => entry.size,
+            false => entry.size.min(200),
+        };
+        NpyArray {
+            bytes: bytes[start..start + kept as usize].to_vec(),
+            size: entry.size,
+            name,
+        }
+    };
+    entries.iter().map(array).collect()
+}
+
+#[test]
+fn frames_of_a_file_that_is_not_in_memory_are_where_it_says() {
+    let bytes = fixture("data/formats/frames.npz");
+    let whole = npz("frames.npz", None);
+    let all = arrays(&bytes, true);
+    let partly = Recording::from_arrays(arrays(&bytes, false), &read_as(None)).expect("a recording");
+    assert_eq!(partly.index(), whole.index());
+    assert_eq!(partly.truth(), whole.truth());
+    let array = all
+        .iter()
+        .find(|a| a.name == partly.frames_name())
+        .expect("the array of frames");
+    for i in 0..15 {
+        let (start, length) = partly.frame_place(i).expect("a place");
+        let mut npy = partly.frame_header();
+        npy.extend(&array.bytes[start as usize..(start + length) as usize]);
+        assert_eq!(
+            Frame::decode(&npy).expect("a frame"),
+            whole.read(i).expect("a frame")
+        );
+    }
+    // What is not in memory is said to be so.
+    let error = partly.read(0).expect_err("no frame").to_string();
+    assert!(error.contains("not in memory"), "{error}");
+
+    // Points alone.
+    let points = fixture("data/formats/points.npz");
+    let table = ground_truth_of_arrays(arrays(&points, false), &read_as(None)).expect("a ground truth");
+    assert_eq!(table.content.names(), NAMES);
+    assert_eq!(table.reading.axes.by, Ground::Guess);
+    let track = keypoints_of_arrays(arrays(&points, false), &read_as(None)).expect("keypoints");
+    assert_eq!(track.content.keypoints(), 5);
+}
+
+#[test]
+fn frames_as_numpy_arrays_keep_floats_and_the_order_of_channels() {
+    let npy = |dtype: &str, shape: &str, elements: &[u8]| {
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        let text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        bytes.extend((text.len() as u16).to_le_bytes());
+        bytes.extend(text.as_bytes());
+        bytes.extend(elements);
+        bytes
+    };
+    let floats: Vec<f32> = (0..3 * 16 * 20).map(|i| i as f32 / 1000.0).collect();
+    let bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_be_bytes()).collect();
+    let frame = Frame::decode(&npy(">f4", "(3, 16, 20)", &bytes)).expect("a frame");
+    assert_eq!((frame.width(), frame.height()), (20, 16));
+    let Pixels::Floats(pixels) = frame.pixels() else {
+        panic!("floats stay floats");
+    };
+    assert_eq!(pixels[1], floats[16 * 20]);
+    let cut = Frame::decode(&npy("|u1", "(16, 20, 3)", &[0; 10]))
+        .expect_err("cut short")
+        .to_string();
+    assert!(cut.contains("has 10 bytes"), "{cut}");
+    let flat = Frame::decode(&npy("|u1", "(16, 20)", &[0; 320]))
+        .expect_err("grey")
+        .to_string();
+    assert!(flat.contains("no array of RGB frames"), "{flat}");
+}
+
+#[test]
+fn points_in_pixels_take_the_size_of_the_frames_beside_them() {
+    let mut options = read_as(None);
+    options.space = Some(Space::Pixels);
+    let bytes = fixture("data/formats/frames.npz");
+    let recording = Recording::from_npz(Cursor::new(bytes), &options).expect("a recording");
+    let px = expected().points[[0, 0, 0]];
+    let ndc = recording.truth().expect("a ground truth").points_ndc()[[0, 0, 0]];
+    assert_eq!(ndc, (2.0 * px + 1.0) / 16.0 - 1.0);
+    let alone = fixture("data/formats/points.npz");
+    let error = parse_npz_ground_truth(&alone, "p.npz", &options)
+        .expect_err("of unknown size")
+        .to_string();
+    assert!(error.contains("the size of the images is not known"), "{error}");
 }

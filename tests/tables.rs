@@ -1,7 +1,9 @@
 //! Tables of every layout hold the same points.
 
 use ndarray::Array3;
-use tracklens::data::{AxisOrder, Role, Space, TableOptions, classify, parse_ground_truth, parse_keypoints};
+use tracklens::data::{
+    AxisOrder, Ground, Role, Space, TableOptions, classify, parse_ground_truth, parse_keypoints,
+};
 use tracklens::track::GroundTruth;
 
 const SIZE: [u32; 2] = [200, 100];
@@ -155,7 +157,7 @@ fn axes_and_counting_can_be_given() {
     let text = "frame,a_x,a_y\n1,0.25,0.5\n2,-0.5,0.75\n";
     let options = TableOptions {
         axes: Some(AxisOrder::Yx),
-        index_base: 1,
+        index_base: Some(1),
         ..TableOptions::default()
     };
     let table = parse_ground_truth(text.as_bytes(), "folder/seq_3.csv", &options).expect("a table");
@@ -312,4 +314,41 @@ fn tables_are_recognised() {
     assert_eq!(role("person_keypoints.json", &coco()), Role::GroundTruth);
     assert_eq!(role("package.json", "{\"name\": 1}"), Role::Unknown);
     assert_eq!(role("other.csv", "time,temperature\n0,1\n"), Role::Unknown);
+}
+
+#[test]
+fn what_the_numbers_are_taken_for_is_told_with_its_ground() {
+    let wide = "frame,a_x,a_y\n1,0.25,0.5\n";
+    let read = |options: &TableOptions| {
+        parse_ground_truth(wide.as_bytes(), "t.csv", options)
+            .expect("a table")
+            .reading
+    };
+    let guessed = read(&TableOptions::default());
+    assert_eq!(
+        (guessed.space.value, guessed.space.by),
+        (Space::Ndc, Ground::Guess)
+    );
+    assert_eq!(
+        (guessed.index_base.value, guessed.index_base.by),
+        (0, Ground::Guess)
+    );
+    assert_eq!(
+        (guessed.axes.value, guessed.axes.by),
+        (AxisOrder::Xy, Ground::File)
+    );
+    let said = read(&TableOptions {
+        space: Some(Space::Pixels),
+        axes: Some(AxisOrder::Yx),
+        index_base: Some(1),
+        image_size: Some([20, 10]),
+    });
+    assert_eq!((said.space.value, said.space.by), (Space::Pixels, Ground::Said));
+    assert_eq!((said.axes.value, said.axes.by), (AxisOrder::Yx, Ground::Said));
+    assert_eq!((said.index_base.value, said.index_base.by), (1, Ground::Said));
+    let coco = parse_ground_truth(coco().as_bytes(), "c.json", &TableOptions::default()).expect("a table");
+    assert_eq!(
+        (coco.reading.space.value, coco.reading.space.by),
+        (Space::Pixels, Ground::File)
+    );
 }

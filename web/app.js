@@ -78,7 +78,7 @@ function takeFiles(session) {
 function showState(session) {
   const main = byId("main");
   const update = () => {
-    const taken = session.entries.length > 0 || session.images.size > 0;
+    const taken = session.entries.length + session.images.size + session.containers.length > 0;
     const before = main.dataset.state;
     let state = taken ? "waiting" : "empty";
     if (session.evaluation) state = "scored";

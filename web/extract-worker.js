@@ -4,8 +4,10 @@
 import init, { Encoder, extractionMemory } from "./pkg/index.js";
 
 /**
- * @typedef {import("./files.js").Source} Source
- * @typedef {{ type: "open", module: WebAssembly.Module, source: Source } | { type: "extract", source: Source }} Request
+ * @typedef {{ path: string, blob: Blob }} File
+ * `refuse`: what was to be extracted could not be unpacked.
+ * @typedef {{ type: "open", module: WebAssembly.Module, source: File } | { type: "extract", source: File }
+ *   | { type: "refuse", message: string }} Request
  * @typedef {{ type: "started" }
  *   | { type: "opened", info: import("./pkg/index.js").EncoderInfo, memory: number }
  *   | ({ type: "extracted", memory: number } & import("./extractor.js").Extracted)
@@ -22,7 +24,7 @@ let last = started();
 
 self.onmessage = (/** @type {MessageEvent<Request>} */ { data }) => {
   // Read while the request before is computed; a failure is told when this one's turn comes.
-  const bytes = bytesOf(data.source);
+  const bytes = data.type === "refuse" ? Promise.resolve(new Uint8Array()) : bytesOf(data.source);
   bytes.catch(() => {});
   last = last.then(async () => {
     const reply = await answer(data, bytes);
@@ -50,6 +52,7 @@ async function started() {
  */
 async function answer(request, bytes) {
   try {
+    if (request.type === "refuse") return { type: "failed", message: request.message };
     const { path } = request.source;
     if (request.type === "open") {
       await init({ extraction: request.module });
@@ -69,7 +72,7 @@ async function answer(request, bytes) {
   }
 }
 
-/** @param {Source} source */
+/** @param {File} source */
 async function bytesOf({ path, blob }) {
   try {
     return new Uint8Array(await blob.arrayBuffer());

@@ -1,6 +1,8 @@
 // @ts-check
 /** The page's end of one extraction worker: questions, answers, and how the page learns that it died. */
 
+import { blobOf, readError } from "./files.js";
+
 /**
  * @typedef {import("./extractor.js").Source} Source
  * @typedef {import("./extract-worker.js").Reply} Reply
@@ -25,11 +27,13 @@ export class Line {
   #name = globalThis.crypto?.randomUUID?.() ?? "";
   #worker = new Worker(new URL("./extract-worker.js", import.meta.url), { type: "module", name: this.#name });
   #closed = new AbortController();
+  /** Requests go out in their order, also where one has to be unpacked first. */
+  #sent = Promise.resolve();
 
   /**
    * Starts a worker and opens a checkpoint in it.
    * @param {WebAssembly.Module} module
-   * @param {Source} source
+   * @param {import("./extract-worker.js").File} source
    * @returns {Promise<Line>}
    */
   static open(module, source) {
@@ -52,7 +56,12 @@ export class Line {
    */
   deal(frame, source) {
     this.dealt.push(frame);
-    this.#ask({ type: "extract", source });
+    const { path } = source;
+    const request = blobOf(source).then(
+      (blob) => /** @type {Request} */ ({ type: "extract", source: { path, blob } }),
+      (error) => /** @type {Request} */ ({ type: "refuse", message: readError(error, path) }),
+    );
+    this.#sent = this.#sent.then(async () => this.#ask(await request));
   }
 
   /** Ends the worker at once, whatever it is at. */

@@ -13,7 +13,7 @@ import { compile } from "./pkg/index.js";
  * @typedef {import("./extractor.js").Extractor} Extractor
  * @typedef {import("./extractor.js").Job} Job
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./extractor.js").Source} Source
+ * @typedef {import("./extract-worker.js").File} File
  */
 
 /** Bytes of workers that are kept from run to run; one is kept in any case. */
@@ -27,7 +27,7 @@ export class WorkerPool {
   #warm = null;
 
   /**
-   * @param {Source} checkpoint
+   * @param {File} checkpoint
    * @returns {Promise<OpenEncoder>}
    */
   async open(checkpoint) {

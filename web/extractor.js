@@ -24,7 +24,7 @@
  * @property {() => void} free gives back what it holds
  *
  * @typedef {object} Extractor
- * @property {(checkpoint: Source) => Promise<OpenEncoder>} open rejects when the checkpoint cannot be used
+ * @property {(checkpoint: { path: string, blob: Blob }) => Promise<OpenEncoder>} open rejects when the checkpoint cannot be used
  */
 
 export {};

@@ -4,13 +4,21 @@
 import { GroundTruthTable, KeypointTable } from "./pkg/index.js";
 import { announce, byId, fill, h, icon, notice, prose } from "./dom.js";
 import { baseName, count, integer, names } from "./format.js";
+import { isTable } from "./intake.js";
+import { virtualList } from "./virtual-list.js";
 
 /**
  * @typedef {import("./session.js").Session} Session
- * @typedef {import("./session.js").Entry} Entry
+ * @typedef {import("./intake.js").Container} Container
+ * @typedef {import("./intake.js").Entry} Entry
+ * @typedef {import("./pkg/index.js").TableOptions} TableOptions
+ * @typedef {import("./pkg/index.js").UnmatchedSequence} UnmatchedSequence
  */
 
 const LISTED_UNKNOWN = 5;
+const LISTED_PROBLEMS = 3;
+/** Height of a row in a list of sequences, in rem. */
+const ROW = 2;
 
 /** @type {Record<Entry["role"], { title: string, icon: string }>} */
 const ROLES = {
@@ -19,6 +27,9 @@ const ROLES = {
   checkpoint: { title: "Checkpoint", icon: "icon-checkpoint" },
   unknown: { title: "Not used", icon: "icon-file" },
 };
+
+/** @type {Record<Container["kind"], string>} */
+const CONTAINERS = { archive: "ZIP archive", recording: "Recording", video: "Video" };
 
 /** @param {Session} session */
 export function showFiles(session) {
@@ -54,31 +65,41 @@ function showReading(session) {
   line.textContent = `${integer(reading.done)} of ${count(reading.total, "file")}`;
 }
 
+/** Lists that the user opened stay open when the files change. @type {Set<string>} */
+const opened = new Set();
+/** And where they were scrolled to. @type {Map<string, number>} */
+const scrolled = new Map();
+
 /** @param {Session} session */
 function showList(session) {
-  const known = session.entries.filter(({ role }) => role !== "unknown");
-  const unknown = session.entries.filter(({ role }) => role === "unknown");
+  const isUnused = (/** @type {Entry} */ { role, state, isSaid }) => role === "unknown" && state === "unknown" && !isSaid;
+  const known = session.entries.filter((entry) => !isUnused(entry));
+  const unknown = session.entries.filter(isUnused);
   const items = known.map((entry) => entryItem(session, entry));
   if (session.frames) items.unshift(framesItem(session));
+  items.push(...session.containers.map((container) => containerItem(session, container)));
   items.push(...unknown.slice(0, LISTED_UNKNOWN).map((entry) => entryItem(session, entry)));
   if (unknown.length > LISTED_UNKNOWN) {
     const more = unknown.slice(LISTED_UNKNOWN);
     items.push(
-      h(
-        "li",
-        { class: "file", data: { role: "unknown" } },
-        icon("icon-file"),
-        h(
-          "div",
-          { class: "file-body" },
-          h("p", { class: "file-role" }, `${integer(more.length)} more not used`),
-          h("p", { class: "file-reason" }, names(more.slice(0, 8).map(({ path }) => path), more.length)),
-        ),
-        removeButton("all files that are not used", () => void session.removeUnknown()),
-      ),
+      item("unknown", {}, "icon-file", removeButton("all files that are not used", () => void session.removeUnknown()), [
+        h("p", { class: "file-role" }, `${integer(more.length)} more not used`),
+        h("p", { class: "file-reason" }, names(more.slice(0, 8).map(({ path }) => path), more.length)),
+      ]),
     );
   }
   fill(byId("files"), ...items);
+}
+
+/**
+ * @param {string} role
+ * @param {Record<string, string>} data
+ * @param {string} symbol
+ * @param {HTMLElement} remove
+ * @param {import("./dom.js").Child[]} body
+ */
+function item(role, data, symbol, remove, body) {
+  return h("li", { class: "file", data: { role, ...data } }, icon(symbol), h("div", { class: "file-body" }, ...body), remove);
 }
 
 /** @param {Session} session */
@@ -87,23 +108,71 @@ function framesItem(session) {
   const first = sequences[0]?.name;
   const last = sequences[sequences.length - 1]?.name;
   const range = sequences.length > 1 ? `${first} … ${last}` : session.frameSources[0].path;
-  return h(
-    "li",
-    { class: "file", data: { role: "image", state: "used", frames: String(session.frameSources.length) } },
-    icon("icon-frames"),
+  const { frameSize } = session;
+  const size = frameSize ? `, ${frameSize[0]} × ${frameSize[1]} px` : "";
+  const data = { state: "used", frames: String(session.frameSources.length) };
+  return item("image", data, "icon-frames", removeButton("the images", () => void session.removeImages()), [
+    h("p", { class: "file-role" }, "Image sequences"),
+    h("p", { class: "file-name" }, range),
     h(
-      "div",
-      { class: "file-body" },
-      h("p", { class: "file-role" }, "Image sequences"),
-      h("p", { class: "file-name" }, range),
-      h(
-        "p",
-        { class: "file-reason" },
-        `${count(session.frameSources.length, "image")} in ${count(sequences.length, "sequence")}, one folder each`,
-      ),
+      "p",
+      { class: "file-reason" },
+      `${count(session.frameSources.length, "frame")} in ${count(sequences.length, "sequence")}${size}`,
     ),
-    removeButton("the images", () => void session.removeImages()),
-  );
+    disclosure("sequences", "The sequences", () =>
+      virtualList("Sequences", sequences.length, ROW, (i) => {
+        const { name, length } = sequences[i];
+        const remove = removeButton(`the images of ${name}`, () => void session.removeSequence(sequences[i]));
+        return h("div", { class: "row" }, h("span", { class: "row-name", title: name }, name), h("span", {}, count(length, "frame")), remove);
+      }),
+    ),
+  ]);
+}
+
+/**
+ * @param {Session} session
+ * @param {Container} container
+ */
+function containerItem(session, container) {
+  const { path, kind, contents, error, problems } = container;
+  const title = CONTAINERS[kind];
+  const data = { state: error ? "broken" : "used", path };
+  const remove = removeButton(`${baseName(path)} and what is in it`, () => void session.removeContainer(container));
+  const more = problems.length > LISTED_PROBLEMS ? [`${integer(problems.length - LISTED_PROBLEMS)} more cannot be used`] : [];
+  return item(kind, data, "icon-archive", remove, [
+    h("p", { class: "file-role" }, error ? `${title}, cannot be used` : title),
+    h("p", { class: "file-name", title: path }, baseName(path)),
+    contents && h("p", { class: "file-reason" }, contents),
+    problems.length > 0 && noticeList([...problems.slice(0, LISTED_PROBLEMS), ...more]),
+    error && notice("error", error),
+  ]);
+}
+
+/**
+ * Something that is made when it is opened.
+ * @param {string} key
+ * @param {string} title
+ * @param {() => HTMLElement} make
+ */
+function disclosure(key, title, make) {
+  const details = h("details", { class: "disclosure", data: { key } }, h("summary", {}, title));
+  const update = () => {
+    if (details.open) opened.add(key);
+    else opened.delete(key);
+    if (!details.open || details.childElementCount > 1) return;
+    const made = make();
+    details.append(made);
+    made.scrollTop = scrolled.get(key) ?? 0;
+    made.addEventListener("scroll", () => scrolled.set(key, made.scrollTop), { passive: true });
+  };
+  details.addEventListener("toggle", update);
+  details.open = opened.has(key);
+  return details;
+}
+
+/** @param {string[]} texts */
+function noticeList(texts) {
+  return h("ul", { class: "file-notices" }, ...texts.map((text) => h("li", {}, ...prose(text))));
 }
 
 /**
@@ -114,29 +183,142 @@ function entryItem(session, entry) {
   const role = ROLES[entry.role];
   const title = entry.state === "spare" ? `${role.title}, not used` : role.title;
   const contents = describe(entry);
-  return h(
-    "li",
-    { class: "file", data: { role: entry.role, state: entry.state, path: entry.path } },
-    icon(role.icon),
+  const data = { state: entry.state, path: entry.path };
+  const remove = removeButton(baseName(entry.path), () => void session.remove(entry));
+  return item(entry.role, data, role.icon, remove, [
+    h("p", { class: "file-role" }, entry.state === "broken" ? `${role.title}, cannot be used` : title, entry.isGuess && guessMark()),
+    h("p", { class: "file-name", title: entry.path }, baseName(entry.path)),
+    entry.reason && h("p", { class: "file-reason" }, ...prose(entry.reason)),
+    contents && h("p", { class: "file-reason" }, contents),
+    entry.notices.length > 0 && noticeList(entry.notices),
+    entry.state !== "new" && corrections(session, entry),
+    entry.state === "spare" &&
+      h("button", { type: "button", class: "link", onclick: () => void session.use(entry) }, "Use this one"),
+    entry.error !== "" &&
+      notice("error", entry.error, {
+        dismiss: () => {
+          entry.error = "";
+          showList(session);
+        },
+      }),
+  ]);
+}
+
+function guessMark() {
+  return h("span", { class: "guess", title: "Nothing in the file says so; correct it if it is wrong" }, "a guess");
+}
+
+/** @type {Record<string, string>} */
+const GROUNDS = { guess: "a guess", file: "by the file", said: "as you said" };
+
+/**
+ * What the file was taken for, to be corrected.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function corrections(session, entry) {
+  const reading = isTable(entry.content) ? entry.content.reading : null;
+  const isTableRole = entry.role === "ground-truth" || entry.role === "keypoints";
+  const set = (/** @type {TableOptions} */ options) => void session.setTableOptions(entry, options);
+  const key = `corrections ${entry.path}`;
+  const summary = reading
+    ? [
+        reading.space.value === "px" ? "pixels" : "ndc",
+        `(${[...reading.axisOrder.value].join(", ")})`,
+        `frames from ${reading.indexBase.value}`,
+      ].join(" · ")
+    : "Taken for something else?";
+  const isGuess = reading !== null && [reading.space, reading.axisOrder, reading.indexBase].some(({ by }) => by === "guess");
+  const details = h(
+    "details",
+    { class: "disclosure", data: { key } },
+    h("summary", {}, summary, isGuess && guessMark()),
     h(
       "div",
-      { class: "file-body" },
-      h("p", { class: "file-role" }, entry.state === "broken" ? `${role.title}, cannot be used` : title),
-      h("p", { class: "file-name", title: entry.path }, baseName(entry.path)),
-      h("p", { class: "file-reason" }, ...prose(entry.reason)),
-      contents && h("p", { class: "file-reason" }, contents),
-      entry.notices.length > 0 && h("ul", { class: "file-notices" }, ...entry.notices.map((text) => h("li", {}, ...prose(text)))),
-      entry.state === "spare" &&
-        h("button", { type: "button", class: "link", onclick: () => void session.use(entry) }, "Use this one"),
-      entry.error !== "" &&
-        notice("error", entry.error, {
-          dismiss: () => {
-            entry.error = "";
-            showList(session);
-          },
-        }),
+      { class: "corrections" },
+      choice(
+        "Role",
+        "role",
+        rolesOf(entry).map((role) => [role, ROLES[role].title]),
+        entry.role,
+        entry.isSaid ? "said" : entry.isGuess ? "guess" : "file",
+        (role) => void session.setRole(entry, /** @type {Entry["role"]} */ (role)),
+      ),
+      isTableRole &&
+        choice(
+          "Unit",
+          "space",
+          [
+            ["ndc", "ndc, −1 to +1"],
+            ["px", "pixels"],
+          ],
+          reading?.space.value ?? entry.options.space ?? "ndc",
+          reading?.space.by ?? "guess",
+          (space) => set({ space: /** @type {"ndc" | "px"} */ (space) }),
+        ),
+      isTableRole &&
+        choice(
+          "Axes",
+          "axisOrder",
+          [
+            ["xy", "x, y"],
+            ["yx", "y, x"],
+          ],
+          reading?.axisOrder.value ?? entry.options.axisOrder ?? "xy",
+          reading?.axisOrder.by ?? "guess",
+          (axisOrder) => set({ axisOrder: /** @type {"xy" | "yx"} */ (axisOrder) }),
+        ),
+      isTableRole &&
+        !entry.arrays &&
+        choice(
+          "First frame",
+          "indexBase",
+          [
+            ["0", "0"],
+            ["1", "1"],
+          ],
+          String(reading?.indexBase.value ?? entry.options.indexBase ?? 0),
+          reading?.indexBase.by ?? "guess",
+          (base) => set({ indexBase: Number(base) }),
+        ),
     ),
-    removeButton(baseName(entry.path), () => void session.remove(entry)),
+  );
+  details.addEventListener("toggle", () => (details.open ? opened.add(key) : opened.delete(key)));
+  details.open = opened.has(key);
+  return details;
+}
+
+/**
+ * What a file could be.
+ * @param {Entry} entry
+ * @returns {Entry["role"][]}
+ */
+function rolesOf({ role, arrays, content, path }) {
+  const points = /** @type {Entry["role"][]} */ (["ground-truth", "keypoints"]);
+  if (arrays || isTable(content) || /\.(csv|tsv|txt|json)$/i.test(path)) return [...points, "unknown"];
+  return role === "checkpoint" ? ["checkpoint", "unknown"] : [...points, "checkpoint", "unknown"];
+}
+
+/**
+ * A choice with what the present value rests on.
+ * @param {string} label
+ * @param {string} name
+ * @param {string[][]} options value and text
+ * @param {string} value
+ * @param {string} by
+ * @param {(value: string) => void} change
+ */
+function choice(label, name, options, value, by, change) {
+  return h(
+    "label",
+    { class: "choice", data: { by } },
+    h("span", {}, label),
+    h(
+      "select",
+      { name, onchange: (/** @type {Event} */ { target }) => change(/** @type {HTMLSelectElement} */ (target).value) },
+      ...options.map(([option, text]) => h("option", { value: option, selected: option === value }, text)),
+    ),
+    h("small", {}, GROUNDS[by]),
   );
 }
 
@@ -235,24 +417,50 @@ function showJoin(session) {
     place,
     h("h2", { id: "join-title" }, "Frames and rows"),
     h("p", { class: "figure-line" }, h("strong", {}, integer(join.matched)), ` ${left} have their row of ground truth`),
-    ...unmatched(`${left} have no row`, join.unmatchedFrames),
-    ...unmatched(session.used("keypoints") ? "rows have no keypoints" : "rows have no frame", join.unmatchedRows),
+    ...unmatched("frames", `${left} have no row`, join.unmatchedFrames, join.unmatched.frames),
+    ...unmatched(
+      "rows",
+      session.used("keypoints") ? "rows have no keypoints" : "rows have no frame",
+      join.unmatchedRows,
+      join.unmatched.rows,
+    ),
     h("ul", { class: "rules" }, ...join.rules.map((rule) => h("li", {}, ...prose(rule)))),
   );
 }
 
 /**
+ * @param {string} key
  * @param {string} text
  * @param {{ count: number, first: string[] }} side
+ * @param {UnmatchedSequence[]} sequences all of them
  */
-function unmatched(text, { count: number, first }) {
+function unmatched(key, text, { count: number, first }, sequences) {
   if (number === 0) return [];
+  const row = (/** @type {number} */ i) => {
+    const { sequence, count: missing, frames } = sequences[i];
+    const label = `${sequence}, frames ${frames}`;
+    return h(
+      "div",
+      { class: "row", title: label },
+      h("span", { class: "row-name" }, sequence),
+      h("span", { class: "row-detail" }, frames),
+      h("span", {}, integer(missing)),
+    );
+  };
   return [
     h(
       "div",
       { class: "unmatched" },
       icon("icon-warning"),
-      h("div", {}, h("p", {}, h("strong", {}, integer(number)), ` ${text}`), h("p", { class: "file-reason" }, ...prose(names(first, number)))),
+      h(
+        "div",
+        { class: "unmatched-body" },
+        h("p", {}, h("strong", {}, integer(number)), ` ${text}`),
+        h("p", { class: "file-reason" }, ...prose(names(first, number))),
+        disclosure(`unmatched ${key}`, `All of them, in ${count(sequences.length, "sequence")}`, () =>
+          virtualList(`What is unmatched: ${text}`, sequences.length, ROW, row),
+        ),
+      ),
     ),
   ];
 }

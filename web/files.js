@@ -2,9 +2,41 @@
 /** From what was dropped or picked to files with paths. */
 
 /**
- * A file with its path from the folder it was dropped in, `/` between the parts.
- * @typedef {{ path: string, blob: Blob }} Source
+ * A file with its path from the folder it was dropped in, `/` between the parts; `read` gives one that lies in another
+ * file, unpacked.
+ * @typedef {{ path: string, blob: Blob } | { path: string, read: () => Promise<Blob> }} Source
  */
+
+/**
+ * The content of a file.
+ * @param {Source} source
+ * @returns {Promise<Blob>}
+ */
+export async function blobOf(source) {
+  return "read" in source ? source.read() : source.blob;
+}
+
+/**
+ * The bytes of a file; `limit` of them from its beginning.
+ * @param {Source} source
+ * @param {number} [limit]
+ */
+export async function bytesOf(source, limit) {
+  const blob = await blobOf(source);
+  return new Uint8Array(await (limit === undefined ? blob : blob.slice(0, limit)).arrayBuffer());
+}
+
+/**
+ * What kept a file from being read, in words.
+ * @param {unknown} error
+ * @param {string} path
+ */
+export function readError(error, path) {
+  if (error instanceof DOMException) {
+    return `${path} cannot be read: it was changed or removed, or may not be read. Drop it again.`;
+  }
+  return error instanceof Error ? error.message : String(error);
+}
 
 /**
  * The files of a drop, folders taken recursively.

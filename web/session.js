@@ -5,40 +5,25 @@
  * same points) and `selection`.
  */
 
-import {
-  FrameIndex,
-  GroundTruthTable,
-  KeypointTable,
-  Scoring,
-  classify,
-  joinFrames,
-  latentToImage,
-} from "./pkg/index.js";
+import { FrameIndex, KeypointTable, Scoring, joinFrames, latentToImage } from "./pkg/index.js";
 import { Extraction } from "./extraction.js";
-import { mapBounded } from "./files.js";
+import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
+import { decodeImage } from "./image-cache.js";
+import { identify, needsParsing, parseTable } from "./intake.js";
 
 /**
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./files.js").Source} Source
+ * @typedef {import("./intake.js").Container} Container
+ * @typedef {import("./intake.js").Entry} Entry
+ * @typedef {import("./intake.js").Slot} Slot
+ * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
  * @typedef {import("./pkg/index.js").Series} Series
- * @typedef {"ground-truth" | "checkpoint" | "keypoints"} Slot what of each there is used one
- *
- * A file that is no image.
- * @typedef {object} Entry
- * @property {string} path
- * @property {Blob} blob
- * @property {Slot | "unknown"} role
- * @property {string} reason why it was taken for that
- * @property {"used" | "spare" | "broken" | "unknown"} state
- * @property {GroundTruthTable | OpenEncoder | KeypointTable | null} content
- * @property {string} error why it is broken
- * @property {string[]} notices
- * @property {Extraction | null} extraction of a checkpoint
  *
  * Something the user should know, with the remedy where the page has one.
  * @typedef {object} Problem
@@ -47,19 +32,8 @@ import { count, names } from "./format.js";
  * @property {{ label: string, run: () => void }} [action]
  */
 
-const READERS = 8;
-/** Enough to tell what a file is. */
-const HEAD_BYTES = 4096;
-
-/**
- * `imageSize` is that of the frames, for positions in pixels.
- * @type {Record<Exclude<Slot, "checkpoint">, (bytes: Uint8Array, path: string, imageSize: [number, number] | undefined) =>
- *   GroundTruthTable | KeypointTable>}
- */
-const PARSERS = {
-  "ground-truth": (bytes, path, imageSize) => GroundTruthTable.parse(bytes, path, { imageSize }),
-  keypoints: (bytes, path, imageSize) => KeypointTable.parse(bytes, path, { imageSize }),
-};
+/** What stays said until more files are taken. */
+const STICKY = ["nothing", "repeated", "replaced"];
 
 /** @type {[Slot, string][]} */
 const SLOTS = [
@@ -73,8 +47,10 @@ export class Session extends EventTarget {
   reading = null;
   /** @type {Entry[]} */
   entries = [];
-  /** Images by path. @type {Map<string, Blob>} */
+  /** Images by path. @type {Map<string, Source>} */
   images = new Map();
+  /** The files that held others. @type {Container[]} */
+  containers = [];
   /** @type {Map<string, Problem>} */
   problems = new Map();
   /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
@@ -84,6 +60,8 @@ export class Session extends EventTarget {
   frames = null;
   /** The images in the order of `frames`. @type {Source[]} */
   frameSources = [];
+  /** Width and height of the first image, when it can be decoded. @type {[number, number] | undefined} */
+  frameSize = undefined;
   /** @type {JoinReport | null} */
   join = null;
 
@@ -141,38 +119,57 @@ export class Session extends EventTarget {
    */
   add(sources) {
     return this.#change(async (alive) => {
+      for (const key of STICKY) this.problems.delete(key);
       if (sources.length === 0) {
         this.#report("nothing", "error", "There was no file in what was dropped.");
         return;
       }
-      this.problems.delete("nothing");
-      let done = 0;
-      const size = await imageSize([...sources, ...[...this.images].slice(0, 1).map(([path, blob]) => ({ path, blob }))]);
-      const read = await mapBounded(sources, READERS, async (source) => {
-        const entry = alive() ? await this.#identify(source, size) : null;
-        this.#read("Reading", ++done, sources.length);
-        return entry;
-      });
+      const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
       if (!alive()) {
-        for (const entry of read) entry?.content?.free();
+        for (const { arrays } of found.entries) arrays?.free();
         return;
       }
       this.reading = null;
-      let images = 0;
-      for (const [i, entry] of read.entries()) {
-        if (entry) this.#take(entry);
-        else {
-          images++;
-          this.#takeImage(sources[i]);
-        }
+      /** @type {Map<string, Source>} */
+      const replaced = new Map();
+      for (const container of found.containers) {
+        for (const image of this.#emptied(container)) replaced.set(image.path, image);
+        this.containers.push(container);
       }
-      if (images === 0 && read.every((entry) => entry?.role === "unknown")) {
+      /** @type {Set<string>} */
+      const taken = new Set();
+      const repeated = [];
+      for (const image of found.images) {
+        if (taken.has(image.path)) {
+          repeated.push(image.path);
+          continue;
+        }
+        taken.add(image.path);
+        const before = this.images.get(image.path);
+        if (before && isSame(before, image)) continue;
+        if (before) replaced.set(image.path, before);
+        this.#takeImage(image);
+      }
+      for (const entry of found.entries) {
+        if (taken.has(entry.path)) {
+          repeated.push(entry.path);
+          entry.arrays?.free();
+          continue;
+        }
+        taken.add(entry.path);
+        this.#take(entry);
+      }
+      this.#tellRepeated(repeated);
+      this.#tellReplaced(replaced);
+      const useless = found.entries.every(({ role, error }) => role === "unknown" && error === "");
+      if (found.images.length === 0 && useless && found.containers.every(({ error }) => error === "")) {
         const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
         this.#report(
           "nothing",
           "error",
           `${what}${sources.length === 1 ? " not" : ""} an image, a table or a checkpoint. Expected PNG, JPEG or WebP ` +
-            "images, a CSV table of object positions or keypoints, or a checkpoint: .safetensors, .pth or .bpk.",
+            "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
+            "(.safetensors, .pth or .bpk), or a .zip archive of these.",
         );
       }
     });
@@ -206,11 +203,30 @@ export class Session extends EventTarget {
    * @param {Entry} entry
    */
   use(entry) {
+    return this.#change(async () => this.#prefer(entry));
+  }
+
+  /**
+   * Takes a file for what the user says it is.
+   * @param {Entry} entry
+   * @param {Entry["role"]} role
+   */
+  setRole(entry, role) {
     return this.#change(async () => {
-      for (const other of this.entries) {
-        if (other.role === entry.role && other.state === "used") other.state = "spare";
-      }
-      entry.state = "used";
+      Object.assign(entry, { role, isSaid: true, isGuess: false, reason: "as you said", wanted: true });
+      this.#reopen(entry);
+    });
+  }
+
+  /**
+   * Reads a table with what the user says of its numbers.
+   * @param {Entry} entry
+   * @param {import("./pkg/index.js").TableOptions} options
+   */
+  setTableOptions(entry, options) {
+    return this.#change(async () => {
+      Object.assign(entry, { options: { ...entry.options, ...options }, wanted: entry.state === "used" || entry.wanted });
+      this.#reopen(entry);
     });
   }
 
@@ -222,7 +238,7 @@ export class Session extends EventTarget {
   /** Removes files that are not known for anything. */
   removeUnknown() {
     return this.#change(async () => {
-      for (const entry of this.entries.filter(({ role }) => role === "unknown")) this.#drop(entry);
+      for (const entry of this.entries.filter(({ role, isSaid }) => role === "unknown" && !isSaid)) this.#drop(entry);
     });
   }
 
@@ -236,16 +252,42 @@ export class Session extends EventTarget {
     });
   }
 
+  /**
+   * Removes the images of a sequence.
+   * @param {SequenceRange} sequence of `frames`
+   */
+  removeSequence({ start, length }) {
+    const sources = this.frameSources.slice(start, start + length);
+    return this.#change(async () => sources.forEach((source) => this.#dropImage(source.path)));
+  }
+
+  /**
+   * Removes a file and all that lies in it.
+   * @param {Container} container
+   */
+  removeContainer(container) {
+    return this.#change(async () => {
+      this.#emptied(container);
+      const isInside = insideOf(container);
+      for (const entry of this.entries.filter(isInside)) this.#drop(entry);
+    });
+  }
+
   /** Back to the state of a fresh page. */
   clear() {
     this.#generation++;
     this.extraction?.stop("idle");
     this.#release();
-    for (const entry of this.entries) entry.content?.free();
+    for (const entry of this.entries) {
+      entry.content?.free();
+      entry.arrays?.free();
+    }
     this.frames?.free();
     this.reading = null;
     this.entries = [];
     this.images = new Map();
+    this.containers = [];
+    this.frameSize = undefined;
     this.problems = new Map();
     this.origin = null;
     this.frames = null;
@@ -443,49 +485,72 @@ export class Session extends EventTarget {
   }
 
   /**
-   * What a file is, parsed; `null` for an image.
-   * @param {Source} source
-   * @param {[number, number] | undefined} size of the frames
-   * @returns {Promise<Entry | null>}
+   * Parses a file in the role it has.
+   * @param {Entry} entry
    */
-  async #identify({ path, blob }, size) {
-    /** @type {Entry} */
-    const entry = {
-      path,
-      blob,
-      role: "unknown",
-      reason: "",
-      state: "unknown",
-      content: null,
-      error: "",
-      notices: [],
-      extraction: null,
-    };
+  async #parse(entry) {
+    const { role, source, path, wanted } = entry;
+    entry.content?.free();
+    Object.assign(entry, { content: null, extraction: null, error: "", imageSize: this.frameSize });
+    if (role === "unknown") {
+      entry.state = "unknown";
+      return;
+    }
     try {
-      const head = new Uint8Array(await blob.slice(0, HEAD_BYTES).arrayBuffer());
-      const { role, reason } = classify(path, head);
-      if (role === "image") return null;
-      entry.role = role;
-      entry.reason = reason;
-      if (role === "unknown") return entry;
       if (role === "checkpoint") {
-        const encoder = await this.#extractor.open({ path, blob });
+        const encoder = await this.#extractor.open({ path, blob: await blobOf(source) });
         entry.content = encoder;
         entry.extraction = new Extraction(encoder);
       } else {
-        const table = PARSERS[role](new Uint8Array(await blob.arrayBuffer()), path, size);
+        const table = await parseTable(entry, this.frameSize);
         entry.content = table;
-        entry.notices.push(...table.notices);
+        entry.notices = table.notices;
       }
       entry.state = "spare";
+      if (wanted) this.#prefer(entry);
     } catch (error) {
       entry.state = "broken";
-      entry.error =
-        error instanceof DOMException
-          ? `${path} cannot be read: it was changed or removed, or may not be read. Drop it again.`
-          : messageOf(error);
+      entry.error = readError(error, path);
     }
-    return entry;
+    entry.wanted = false;
+  }
+
+  /**
+   * Parses what is new, and the tables in pixels when the images have another size.
+   * @param {() => boolean} alive
+   */
+  async #parseEntries(alive) {
+    const pending = this.entries.filter((entry) => needsParsing(entry, this.frameSize));
+    if (pending.length === 0) return;
+    this.#release();
+    for (const [i, entry] of pending.entries()) {
+      if (pending.length > 1) this.#read("Reading", i, pending.length);
+      entry.wanted ||= entry.state === "used";
+      await this.#parse(entry);
+      if (!alive()) {
+        entry.content?.free();
+        return;
+      }
+    }
+    this.reading = null;
+  }
+
+  /**
+   * Forgets what was made of a file.
+   * @param {Entry} entry
+   */
+  #reopen(entry) {
+    entry.extraction?.stop("idle");
+    this.#release();
+    Object.assign(entry, { state: "new", error: "", notices: [] });
+  }
+
+  /** @param {Entry} entry */
+  #prefer(entry) {
+    for (const other of this.entries) {
+      if (other.role === entry.role && other.state === "used") other.state = "spare";
+    }
+    entry.state = "used";
   }
 
   /** @param {Entry} entry */
@@ -496,17 +561,64 @@ export class Session extends EventTarget {
       return;
     }
     const before = this.entries[at];
-    if (before.state === "used" && entry.content) entry.state = "used";
-    entry.notices.unshift("replaces the file of the same path from before");
+    entry.wanted = before.state === "used";
+    // What the user said holds for the file at this path.
+    entry.options = before.options;
+    if (before.isSaid) Object.assign(entry, { role: before.role, isSaid: true, isGuess: false, reason: before.reason });
+    entry.reason += `${entry.reason ? "; " : ""}replaces the file of the same path from before`;
     before.extraction?.stop("idle");
+    this.#release();
     before.content?.free();
+    before.arrays?.free();
     this.entries[at] = entry;
   }
 
-  /** @param {Source} source */
-  #takeImage({ path, blob }) {
-    this.images.set(path, blob);
+  /**
+   * Takes away the images of a container, and the containers in it and itself; gives the images.
+   * @param {Container} container
+   */
+  #emptied(container) {
+    const isInside = insideOf(container);
+    const images = this.containers.some(({ path }) => path === container.path) ? [...this.images.values()].filter(isInside) : [];
+    for (const image of images) this.#dropImage(image.path);
+    this.containers = this.containers.filter((other) => !isInside(other));
+    return images;
+  }
+
+  /** @param {Source} image */
+  #takeImage(image) {
+    this.images.set(image.path, image);
+    for (const { extraction } of this.entries) extraction?.forget(image.path);
+  }
+
+  /** @param {string} path */
+  #dropImage(path) {
+    this.images.delete(path);
     for (const { extraction } of this.entries) extraction?.forget(path);
+  }
+
+  /** @param {string[]} paths that more than one file of a drop had */
+  #tellRepeated(paths) {
+    if (paths.length === 0) return;
+    const text =
+      `${count(paths.length, "file")} had the path of another one in the same drop: ${names(paths.slice(0, 5), paths.length)}. ` +
+      "The first of each is used, the others are not; rename them, or drop their folders one by one.";
+    this.#report("repeated", "warning", text);
+  }
+
+  /** @param {Map<string, Source>} images the former ones, by path */
+  #tellReplaced(images) {
+    if (images.size === 0) return;
+    const paths = [...images.keys()];
+    const text =
+      `${count(images.size, "image")} took the place of those with the same path from before: ` +
+      `${names(paths.slice(0, 3), paths.length)}. If these are other sequences, give their folder another name.`;
+    const restore = () =>
+      this.#change(async () => {
+        this.problems.delete("replaced");
+        for (const image of images.values()) this.#takeImage(image);
+      });
+    this.#report("replaced", "warning", text, { label: "Use the former ones again", run: () => void restore() });
   }
 
   /** @param {Entry} entry */
@@ -515,26 +627,29 @@ export class Session extends EventTarget {
     this.entries = this.entries.filter((other) => other !== entry);
     this.#release();
     entry.content?.free();
+    entry.arrays?.free();
     entry.content = null;
   }
 
   /** @param {() => boolean} alive */
   async #settle(alive) {
     for (const { extraction } of this.entries) extraction?.stop("idle");
-    for (const key of [...this.problems.keys()]) if (key !== "nothing") this.problems.delete(key);
-    this.#indexFrames();
+    for (const key of [...this.problems.keys()]) if (!STICKY.includes(key)) this.problems.delete(key);
+    await this.#indexFrames();
+    await this.#parseEntries(alive);
+    if (!alive()) return;
     for (const [role, many] of SLOTS) this.#assign(role, many);
     this.#joinFrames();
     this.#emit("files");
     await this.#advance(alive);
   }
 
-  #indexFrames() {
+  async #indexFrames() {
     this.frames?.free();
     this.frames = null;
-    const paths = [...this.images.keys()];
+    const images = [...this.images.values()];
     try {
-      if (paths.length > 0) this.frames = new FrameIndex(paths);
+      if (images.length > 0) this.frames = FrameIndex.ofAll(images.map(({ path }) => path));
     } catch (error) {
       // E.g. a copy of an image beside its original: which rows the images belong to cannot be told.
       this.#report("frames", "error", messageOf(error), {
@@ -542,10 +657,26 @@ export class Session extends EventTarget {
         run: () => void this.removeImages(),
       });
     }
-    this.frameSources = Array.from(this.frames?.order ?? [], (position) => {
-      const path = paths[position];
-      return { path, blob: /** @type {Blob} */ (this.images.get(path)) };
-    });
+    const first = this.frameSources[0];
+    this.frameSources = Array.from(this.frames?.order ?? [], (position) => images[position]);
+    if (this.frameSources[0] !== first) this.frameSize = await this.#firstSize();
+  }
+
+  /**
+   * Width and height of the first image; one that cannot be read is told when its keypoints are extracted.
+   * @returns {Promise<[number, number] | undefined>}
+   */
+  async #firstSize() {
+    const [first] = this.frameSources;
+    try {
+      const image = first && (await decodeImage(first));
+      if (!image) return undefined;
+      const { width, height } = image;
+      image.close();
+      return [width, height];
+    } catch {
+      return undefined;
+    }
   }
 
   /**
@@ -679,17 +810,8 @@ export class Session extends EventTarget {
       const [first] = sizes;
       return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
     }
-    const first = this.#pictures.find((picture) => picture !== null);
-    if (!first) return [];
-    try {
-      const bitmap = await createImageBitmap(first.blob);
-      const { width, height } = bitmap;
-      bitmap.close();
-      return [[width, height]];
-    } catch {
-      // The viewer says so when it comes to this image; errors in pixels are left out.
-      return [];
-    }
+    // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are left out then.
+    return this.hasPictures && this.frameSize ? [this.frameSize] : [];
   }
 
   #evaluate() {
@@ -795,22 +917,21 @@ export class Session extends EventTarget {
 }
 
 /**
- * Width and height of the first image; an image that cannot be read is told when its keypoints are extracted.
- * @param {Source[]} sources
- * @returns {Promise<[number, number] | undefined>}
+ * Whether two files are the same one, as far as their outside tells.
+ * @param {Source} a
+ * @param {Source} b
  */
-async function imageSize(sources) {
-  const none = new Uint8Array();
-  const first = sources.find(({ path }) => classify(path, none).role === "image");
-  try {
-    const image = first && (await createImageBitmap(first.blob));
-    if (!image) return undefined;
-    const { width, height } = image;
-    image.close();
-    return [width, height];
-  } catch {
-    return undefined;
-  }
+function isSame(a, b) {
+  if ("read" in a || "read" in b || !(a.blob instanceof File) || !(b.blob instanceof File)) return false;
+  return a.blob.size === b.blob.size && a.blob.lastModified === b.blob.lastModified;
+}
+
+/**
+ * Whether something is a container or lies in it.
+ * @param {Container} container
+ */
+function insideOf({ path, folder }) {
+  return (/** @type {{ path: string }} */ item) => item.path === path || item.path.startsWith(`${folder}/`);
 }
 
 /** @param {unknown} error */

@@ -116,6 +116,12 @@ test("files are recognised", () => {
   assert.equal(role("x.pth", ""), "checkpoint");
   assert.equal(role("x.bpk", ""), "checkpoint");
   assert.equal(role("x.docx", ""), "unknown");
+  assert.equal(role("x.npz", ""), "recording");
+  assert.equal(role("x.zip", ""), "archive");
+  assert.equal(role("x.mp4", ""), "video");
+  assert.equal(role("r.json", '{ "schema": "tracklens/evaluation/1" }'), "result");
+  const wide = tracklens.classify("t.csv", new TextEncoder().encode("frame,a_x,a_y\n"));
+  assert.deepEqual([wide.role, wide.guess], ["ground-truth", true]);
 });
 
 test("a figure is an SVG document", () => {
@@ -138,6 +144,61 @@ test("tables in pixels are read with the size of their images", () => {
     /push\.csv: the positions are in pixels/,
   );
   assert.throws(() => tracklens.GroundTruthTable.parse(bytes, "push.csv", { size: [1, 1] }), /size/);
+});
+
+test("what the numbers of a table are taken for is told with its ground", () => {
+  const bytes = new TextEncoder().encode("frame,cube_x,cube_y\n1,0,0\n");
+  const { reading } = tracklens.GroundTruthTable.parse(bytes, "t.csv", { indexBase: 1 });
+  assert.deepEqual(reading, {
+    layout: "one row a frame",
+    space: { value: "ndc", by: "guess" },
+    axisOrder: { value: "xy", by: "file" },
+    indexBase: { value: 1, by: "said" },
+  });
+});
+
+test("all that a join leaves over is listed by sequence", async () => {
+  const frames = new tracklens.FrameIndex((await paths()).filter((path) => !path.startsWith("seq_0001")));
+  const text = "sequence,frame,object,x,y\n" + [0, 1, 2, 9].map((t) => `seq_0000,${t},cube,0,0\n`).join("");
+  const truth = tracklens.GroundTruthTable.parse(new TextEncoder().encode(text), "gt.csv");
+  const { unmatched } = tracklens.joinFrames(frames, truth);
+  assert.deepEqual(unmatched.rows, [{ sequence: "seq_0000", count: 1, frames: "9" }]);
+  assert.deepEqual(
+    unmatched.frames.map(({ sequence, count, frames: numbers }) => [sequence, count, numbers]),
+    [
+      ["seq_0000", 2, "3–4"],
+      ["seq_0012", 5, "0–4"],
+    ],
+  );
+});
+
+test("a recording is read from its parts: frames where they lie, points as a ground truth or keypoints", async () => {
+  const file = await readFile(new URL("../data/formats/frames.npz", import.meta.url));
+  const { entries, needs } = tracklens.readArchive(file, file.length, "frames.npz");
+  assert.equal(needs, null);
+  const arrays = new tracklens.Arrays("frames.npz");
+  const npy = {};
+  for (const { path, offset, size, deflated } of entries) {
+    assert.equal(deflated, false);
+    const start = offset + 30 + file.readUInt16LE(offset + 26) + file.readUInt16LE(offset + 28);
+    const name = path.replace(".npy", "");
+    npy[name] = file.subarray(start, start + size);
+    if (tracklens.Arrays.uses(name)) arrays.add(name, npy[name].subarray(0, tracklens.Arrays.bytesNeeded(name, size)), size);
+  }
+  const { array, paths, width, height, start, length, header } = arrays.frames();
+  assert.deepEqual([paths.length, width, height, length], [15, 16, 16, 16 * 16 * 3]);
+  assert.equal(paths[6], "seq_0001/frame_000001");
+  const index = tracklens.FrameIndex.ofAll(paths);
+  assert.deepEqual(index.sequences[1], { name: "seq_0001", start: 5, length: 5 });
+  const truth = arrays.groundTruth();
+  assert.equal(tracklens.joinFrames(index, truth).matched, 15);
+  assert.deepEqual(truth.reading.axisOrder, { value: "xy", by: "guess" });
+  assert.equal(arrays.keypoints({ axisOrder: "yx" }).keypoints, 5);
+  // A frame with the header before it is an image for the encoder.
+  const frame = Buffer.concat([Buffer.from(header), npy[array].subarray(start + 6 * length, start + 7 * length)]);
+  const encoder = new tracklens.Encoder(await golden("basic-vel-std-bg-tiny.safetensors"), "w");
+  assert.deepEqual([encoder.extract(frame, paths[6]).width, encoder.extract(frame, paths[6]).height], [16, 16]);
+  assert.throws(() => tracklens.readArchive(file.subarray(0, 900), 900, "cut.npz"), /cut\.npz: not a whole ZIP archive/);
 });
 
 test("latent points are placed in an image by the configuration of their encoder", async () => {

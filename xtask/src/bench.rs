@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use serde_json::Value;
 
 use crate::workspace::Workspace;
-use crate::{run, setup};
+use crate::{package, run, setup, site};
 
 /// How often each of the two is run.
 const ROUNDS: usize = 5;
@@ -25,6 +25,8 @@ pub enum Subject {
     Train,
     /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the time to the first TC.
     Page,
+    /// The page with 10,000 frames of 256 px: time, size of the tab, scrubbing.
+    Size,
 }
 
 /// One line that a benchmark prints with `--json`.
@@ -39,6 +41,7 @@ pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
         Subject::Metric => metric(workspace),
         Subject::Train => train(workspace),
         Subject::Page => page::run(workspace),
+        Subject::Size => size(workspace),
     }
 }
 
@@ -94,6 +97,17 @@ fn train(workspace: &Workspace) -> Result<()> {
         println!("{}", comparison(&ours, &theirs)?);
     }
     Ok(())
+}
+
+fn size(workspace: &Workspace) -> Result<()> {
+    setup::browsers()?;
+    package::build(workspace, false)?;
+    site::write(workspace, &workspace.site(), false)?;
+    let mut cargo = run::cargo();
+    cargo
+        .args(["bench", "--package=tracklens-page-tests", "--bench=size"])
+        .env("TRACKLENS_SITE", workspace.site());
+    run::run(cargo.current_dir(workspace.root()))
 }
 
 fn timing(command: &mut Command) -> Result<Timing> {

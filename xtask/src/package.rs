@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::run;
-use crate::setup::{NPM_LOCK, WasmOpt, wasm_opt, wasm_toolchain};
+use crate::setup::{NPM_LOCK, WasmOpt, page_libraries, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes it.
@@ -121,6 +121,9 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
             None
         }
     };
+    if let Err(error) = page_libraries(workspace) {
+        eprintln!("warning: the page will not read videos: {error:#}");
+    }
     let package = workspace.package();
     let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
     for part in parts() {

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use tempfile::NamedTempFile;
 
-use crate::package;
 use crate::workspace::Workspace;
+use crate::{package, setup};
 
 /// Marks a folder as made here and lists what was put into it, each file with its SHA-256.
 const MARKER: &str = "tracklens-site.json";
@@ -97,12 +97,15 @@ fn files_before(out: &Path) -> Result<Vec<String>> {
     Ok(Vec::new())
 }
 
-/// Everything in web/ but hidden files, and of the package what a browser loads.
+/// Everything in web/ but hidden files, libraries, and of the package what a browser loads.
 fn sources(workspace: &Workspace, gpu: bool) -> Result<Sources> {
     let mut sources = Sources::new();
     add_folder(&workspace.web(), "", &mut sources)?;
     if !sources.contains_key("index.html") {
         bail!("{} has no index.html", workspace.web().display());
+    }
+    for (place, file) in setup::page_files(workspace) {
+        sources.insert(place.to_owned(), file);
     }
     for file in package::for_browsers(&workspace.package(), gpu)? {
         let place = format!("pkg/{file}");

@@ -31,9 +31,9 @@ pub(super) struct TruthArguments {
     /// otherwise ndc
     #[arg(long, value_name = "SPACE")]
     space: Option<Space>,
-    /// Number of the first frame in the ground truth
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    index_base: u64,
+    /// Number of the first frame in the ground truth; default: 0
+    #[arg(long, value_name = "N")]
+    index_base: Option<u64>,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the frames, where there are any
     #[arg(long, value_name = "WxH", value_parser = super::score::parse_size)]
     pub image_size: Option<[u32; 2]>,
@@ -95,22 +95,28 @@ impl TruthArguments {
     }
 
     fn read_sized(&self, path: &Path, size: impl FnOnce() -> Option<[u32; 2]>) -> Result<GroundTruth> {
+        let options = TableOptions {
+            image_size: self.image_size.or_else(size),
+            ..self.options()
+        };
+        let name = path.to_string_lossy();
         let table = match Format::of(path)? {
-            Format::Npz => parse_npz_ground_truth(&read(path)?, &path.to_string_lossy(), self.axis_order)?,
+            Format::Npz => parse_npz_ground_truth(&read(path)?, &name, &options)?,
             Format::Hdf5 => {
-                read_hdf5_ground_truth(open(path)?, self.axis_order).map_err(|e| e.at(path.display()))?
+                read_hdf5_ground_truth(open(path)?, &options).map_err(|e| e.at(path.display()))?
             }
-            Format::Other => {
-                let options = TableOptions {
-                    space: self.space,
-                    axes: self.axis_order,
-                    index_base: self.index_base,
-                    image_size: self.image_size.or_else(size),
-                };
-                parse_ground_truth(&read(path)?, &path.to_string_lossy(), &options)?
-            }
+            Format::Other => parse_ground_truth(&read(path)?, &name, &options)?,
         };
         self.select(told(table, path))
+    }
+
+    fn options(&self) -> TableOptions {
+        TableOptions {
+            space: self.space,
+            axes: self.axis_order,
+            index_base: self.index_base,
+            image_size: self.image_size,
+        }
     }
 
     fn select(&self, truth: GroundTruth) -> Result<GroundTruth> {
@@ -136,8 +142,8 @@ impl TruthArguments {
             return Ok(Arc::new(folder));
         }
         let recording = match Format::of(path)? {
-            Format::Npz => Recording::from_npz(BufReader::new(open(path)?), self.axis_order),
-            Format::Hdf5 => Recording::from_hdf5_file(open(path)?, self.axis_order),
+            Format::Npz => Recording::from_npz(BufReader::new(open(path)?), &self.options()),
+            Format::Hdf5 => Recording::from_hdf5_file(open(path)?, &self.options()),
             Format::Other => Err(Error::input(
                 "neither a folder nor a recording; expected a folder of images, an NPZ or an HDF5 file",
             )),
@@ -278,20 +284,17 @@ pub(super) fn read_keypoints(
     path: &Path,
     arguments: &TruthArguments,
     space: Option<Space>,
-    index_base: u64,
+    index_base: Option<u64>,
 ) -> Result<KeypointTrack> {
     let (bytes, name) = (read(path)?, path.to_string_lossy());
+    let options = TableOptions {
+        space,
+        index_base,
+        ..arguments.options()
+    };
     let table = match bytes.starts_with(NPZ_MAGIC) {
-        true => parse_npz_keypoints(&bytes, &name, arguments.axis_order)?,
-        false => {
-            let options = TableOptions {
-                space,
-                axes: arguments.axis_order,
-                index_base,
-                image_size: arguments.image_size,
-            };
-            parse_keypoints(&bytes, &name, &options)?
-        }
+        true => parse_npz_keypoints(&bytes, &name, &options)?,
+        false => parse_keypoints(&bytes, &name, &options)?,
     };
     Ok(told(table, path))
 }

@@ -32,9 +32,10 @@ pub(super) struct ScoreArguments {
     /// Unit of the keypoints: ndc or px; default: px for DeepLabCut and COCO, otherwise ndc
     #[arg(long, value_name = "SPACE")]
     keypoints_space: Option<Space>,
-    /// Number of the first frame, and in a table with one row a point of the first keypoint
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    keypoints_index_base: u64,
+    /// Number of the first frame, and in a table with one row a point of the first keypoint;
+    /// default: 0
+    #[arg(long, value_name = "N")]
+    keypoints_index_base: Option<u64>,
     #[command(flatten)]
     reading: TruthArguments,
     #[command(flatten)]

@@ -4,6 +4,9 @@ use super::frames::{is_hidden, is_image};
 use super::table::{Layout, header_layout};
 use crate::checkpoint::Format;
 
+/// The endings of files that a browser may play.
+const VIDEO_ENDINGS: [&str; 7] = ["mp4", "m4v", "mov", "webm", "mkv", "avi", "ogv"];
+
 /// What a file is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
@@ -15,6 +18,14 @@ pub enum Role {
     Keypoints,
     /// Weights of an encoder.
     Checkpoint,
+    /// Frames and points as arrays: NPZ.
+    Recording,
+    /// Other files, in a ZIP archive.
+    Archive,
+    /// Frames one after the other: MP4, WebM and their like.
+    Video,
+    /// What `score` and `eval` write, and the page: an evaluation.
+    Result,
     /// Nothing that is known here.
     Unknown,
 }
@@ -26,20 +37,23 @@ pub struct Classification {
     pub role: Role,
     /// Why.
     pub reason: String,
+    /// Whether it is a guess: the content could as well be something else.
+    pub guess: bool,
 }
 
 /// Guesses what a file is from its path and its first bytes (4 kB are enough).
 pub fn classify(path: &str, head: &[u8]) -> Classification {
-    let (role, reason) = guess(path, head);
-    Classification { role, reason }
+    let (role, reason, guess) = role_of(path, head);
+    Classification { role, reason, guess }
 }
 
-fn guess(path: &str, head: &[u8]) -> (Role, String) {
+fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
+    let sure = |role, reason: String| (role, reason, false);
     if is_image(path) {
-        return (Role::Image, "an image by its name".to_owned());
+        return sure(Role::Image, "an image by its name".to_owned());
     }
     if is_hidden(path) {
-        return (Role::Unknown, "a hidden file".to_owned());
+        return sure(Role::Unknown, "a hidden file".to_owned());
     }
     let file = path.rsplit('/').next().unwrap_or_default();
     let ending = file
@@ -48,26 +62,39 @@ fn guess(path: &str, head: &[u8]) -> (Role, String) {
         .unwrap_or_default();
     match ending.as_str() {
         // By its name even where the content is something else: reading it says what is wrong.
-        _ if Format::from_extension(&ending).is_some() => (
+        _ if Format::from_extension(&ending).is_some() => sure(
             Role::Checkpoint,
             format!("a checkpoint, by its ending `.{ending}`"),
         ),
         "csv" | "tsv" | "txt" => table(head),
+        "npz" => sure(Role::Recording, "numpy arrays, by its ending `.npz`".to_owned()),
+        "zip" if Format::of(head).is_none() => {
+            sure(Role::Archive, "a ZIP archive, by its ending `.zip`".to_owned())
+        }
+        "h5" | "hdf5" => sure(
+            Role::Unknown,
+            "an HDF5 recording, which only the terminal reads; `tracklens data convert` makes an NPZ of it"
+                .to_owned(),
+        ),
+        ending if VIDEO_ENDINGS.contains(&ending) => {
+            sure(Role::Video, format!("a video, by its ending `.{ending}`"))
+        }
         "json" => json(head),
         ending => match (Format::of(head), ending) {
-            (Some(format), _) => (Role::Checkpoint, format!("a {format} checkpoint, by its content")),
-            (None, "") => (Role::Unknown, "a file without an ending".to_owned()),
-            (None, _) => (
+            (Some(format), _) => sure(Role::Checkpoint, format!("a {format} checkpoint, by its content")),
+            (None, "") => sure(Role::Unknown, "a file without an ending".to_owned()),
+            (None, _) => sure(
                 Role::Unknown,
                 format!(
-                    "`.{ending}` is not known; expected images, a .csv table or a checkpoint (.safetensors, .pth, .bpk)"
+                    "`.{ending}` is not known; expected images, a .csv table, a checkpoint (.safetensors, .pth, .bpk), a \
+                     recording (.npz), a video (.mp4, .webm) or a .zip archive of them"
                 ),
             ),
         },
     }
 }
 
-fn table(head: &[u8]) -> (Role, String) {
+fn table(head: &[u8]) -> (Role, String, bool) {
     let text = String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head));
     let header = text.lines().next().unwrap_or_default().to_ascii_lowercase();
     let fields: csv::StringRecord = header
@@ -76,38 +103,50 @@ fn table(head: &[u8]) -> (Role, String) {
         .collect();
     let has = |name: &str| fields.iter().any(|c| c == name);
     match (has("object"), has("keypoint")) {
-        (true, false) => (Role::GroundTruth, "a table with a column `object`".to_owned()),
-        (false, true) => (Role::Keypoints, "a table with a column `keypoint`".to_owned()),
+        (true, false) => (Role::GroundTruth, "a table with a column `object`".to_owned(), false),
+        (false, true) => (Role::Keypoints, "a table with a column `keypoint`".to_owned(), false),
         (true, true) => (
             Role::Unknown,
             "a table with both a column `object` and a column `keypoint`; expected one of them".to_owned(),
+            false,
         ),
         (false, false) if has("x") && has("y") => (
             Role::GroundTruth,
             "a table with columns `x` and `y`; a ground truth also needs `object`, keypoints need `keypoint`".to_owned(),
+            true,
         ),
         (false, false) => match header_layout(&fields) {
             Layout::Wide => (
                 Role::GroundTruth,
                 "a table with two columns a point, e.g. `cube_x,cube_y`; a guess: keypoints can look the same".to_owned(),
+                true,
             ),
             Layout::DeepLabCut => (
                 Role::GroundTruth,
                 "a table of DeepLabCut; a guess: keypoints can look the same".to_owned(),
+                true,
             ),
-            Layout::Tidy | Layout::Coco => (
+            _ => (
                 Role::Unknown,
                 "a table without a column `object` (ground truth) or `keypoint`: expected `sequence,frame,object,x,y` or \
                  `sequence,frame,keypoint,x,y`"
                     .to_owned(),
+                false,
             ),
         },
     }
 }
 
-/// JSON: COCO keypoints, whose parts may come in any order.
-fn json(head: &[u8]) -> (Role, String) {
+/// JSON: an evaluation, or COCO keypoints, whose parts may come in any order.
+fn json(head: &[u8]) -> (Role, String, bool) {
     let text = String::from_utf8_lossy(head);
+    if text.contains("\"tracklens/evaluation/") {
+        return (
+            Role::Result,
+            "an evaluation by tracklens, by its `schema`".to_owned(),
+            false,
+        );
+    }
     let is_coco = ["\"images\"", "\"annotations\"", "\"categories\""]
         .iter()
         .any(|key| text.contains(key));
@@ -115,11 +154,14 @@ fn json(head: &[u8]) -> (Role, String) {
         true => (
             Role::GroundTruth,
             "COCO keypoints; a guess: keypoints of a detector can look the same".to_owned(),
+                true,
         ),
         false => (
             Role::Unknown,
-            "JSON without `images`, `annotations` or `categories` at its beginning; expected COCO keypoints"
+            "JSON without `images`, `annotations` or `categories` at its beginning, or the `schema` of an evaluation; \
+             expected COCO keypoints, or a result of tracklens"
                 .to_owned(),
+            false,
         ),
     }
 }

@@ -39,11 +39,23 @@ impl FrameIndex {
     /// When there is no image among them, and when some file names of a sequence have numbers that do not tell its
     /// frames apart, e.g. because of a copy.
     pub fn new<S: AsRef<str>>(paths: &[S]) -> Result<Self> {
+        Self::among(paths, is_image)
+    }
+
+    /// Orders frames that need not be files with the ending of an image, e.g. those of a video.
+    ///
+    /// # Errors
+    /// As [`FrameIndex::new`].
+    pub fn of_all<S: AsRef<str>>(paths: &[S]) -> Result<Self> {
+        Self::among(paths, |_| true)
+    }
+
+    fn among<S: AsRef<str>>(paths: &[S], is_frame: impl Fn(&str) -> bool) -> Result<Self> {
         let mut folders: BTreeMap<&str, Vec<(usize, &str)>> = BTreeMap::new();
         let mut ignored = Vec::new();
         for (i, path) in paths.iter().enumerate() {
             let path = path.as_ref();
-            if is_image(path) {
+            if is_frame(path) {
                 let (folder, file) = path.rsplit_once('/').unwrap_or(("", path));
                 folders.entry(folder).or_default().push((i, file));
             } else {

@@ -7,7 +7,7 @@ use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
 use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 
 use super::recording::{self, ArrayFile, ArrayInfo, AxisOrder, Kind, Recording, Values};
-use super::table::Table;
+use super::table::{Table, TableOptions};
 use crate::error::{Error, Result};
 use crate::track::GroundTruth;
 
@@ -22,8 +22,8 @@ const MAX_CHUNK_CACHE: u64 = 1 << 30;
 const MAX_READ: usize = 8192 * 8192 * 3 * 8;
 
 impl Recording {
-    /// Frames, and points if there are any, of an HDF5 file in memory. `axes` is the order of the points' coordinates;
-    /// without it the file's attribute `save/format/y_first` decides, else it is (x, y).
+    /// Frames, and points if there are any, of an HDF5 file in memory. Without `options.axes` the file's attribute
+    /// `save/format/y_first` decides the order of the points' coordinates, else it is (x, y).
     ///
     /// Points are named by an array of strings `names`, or by the attributes that the authors' `record.py` leaves:
     /// the objects, then the links as `link_4`. Of PandaPush, `object` is called `cube` and link 11 `eef`, as in the
@@ -31,8 +31,8 @@ impl Recording {
     ///
     /// # Errors
     /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the message names the array.
-    pub fn from_hdf5_bytes(bytes: Vec<u8>, axes: Option<AxisOrder>) -> Result<Self> {
-        Self::from_storage(Arc::new(BytesStorage::new(bytes)), axes)
+    pub fn from_hdf5_bytes(bytes: Vec<u8>, options: &TableOptions) -> Result<Self> {
+        Self::from_storage(Arc::new(BytesStorage::new(bytes)), options)
     }
 
     /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are asked for. Up to
@@ -40,15 +40,15 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Recording::from_hdf5_bytes`].
-    pub fn from_hdf5_file(file: File, axes: Option<AxisOrder>) -> Result<Self> {
+    pub fn from_hdf5_file(file: File, options: &TableOptions) -> Result<Self> {
         Self::from_storage(
             Arc::new(FileStorage::from_file(file).map_err(|e| broken(&e))?),
-            axes,
+            options,
         )
     }
 
-    fn from_storage(storage: DynStorage, axes: Option<AxisOrder>) -> Result<Self> {
-        Self::new(Box::new(Hdf5::open(storage)?), axes)
+    fn from_storage(storage: DynStorage, options: &TableOptions) -> Result<Self> {
+        Self::new(Box::new(Hdf5::open(storage)?), options)
     }
 }
 
@@ -56,9 +56,9 @@ impl Recording {
 ///
 /// # Errors
 /// As [`Recording::from_hdf5_bytes`].
-pub fn read_hdf5_ground_truth(file: File, axes: Option<AxisOrder>) -> Result<Table<GroundTruth>> {
+pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Table<GroundTruth>> {
     let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
-    recording::ground_truth(&Hdf5::open(Arc::new(storage))?, axes)
+    recording::ground_truth(&Hdf5::open(Arc::new(storage))?, options)
 }
 
 struct Hdf5 {

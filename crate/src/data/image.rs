@@ -85,12 +85,15 @@ impl Frame {
     }
 
     /// Decodes a PNG, JPEG or WebP image, recognised by its content. Grey becomes RGB, transparency is dropped,
-    /// 16 bits become 8.
+    /// 16 bits become 8. A numpy array (`.npy`, `[H, W, 3]` or `[3, H, W]`), as recordings hold them, is a frame too.
     ///
     /// # Errors
     /// When the bytes are no such image or are cut short, and when a side is not within
     /// [`MIN_SIDE`] to [`MAX_SIDE`].
     pub fn decode(bytes: &[u8]) -> Result<Self> {
+        if bytes.starts_with(super::npz::MAGIC) {
+            return super::npz::decode_frame(bytes);
+        }
         let reader = ImageReader::new(Cursor::new(bytes))
             .with_guessed_format()
             .map_err(|e| Error::input(format!("not an image: {e}")))?;

@@ -1,5 +1,6 @@
 //! Tables, images, sequences and recordings, parsed from bytes: the same code serves a dropped file and a folder on disk.
 
+mod archive;
 mod classify;
 mod frames;
 #[cfg(feature = "hdf5")]
@@ -13,6 +14,10 @@ mod source;
 mod split;
 mod table;
 
+pub use archive::{
+    ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM, TAIL as ARCHIVE_TAIL,
+    ZIP_MAGIC,
+};
 pub use classify::{Classification, Role, classify};
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
@@ -21,7 +26,10 @@ pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth};
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Join, join};
-pub use npz::{NPZ_MAGIC, NpzWriter, parse_npz_ground_truth, parse_npz_keypoints};
+pub use npz::{
+    NPZ_MAGIC, NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
+    parse_npz_keypoints,
+};
 pub use recording::{AxisOrder, Recording};
 pub use resize::{Filter, resize_planar};
 #[cfg(any(feature = "cli", feature = "train"))]
@@ -31,5 +39,6 @@ pub use split::{Parts, Split, numpy_permutation};
 #[cfg(feature = "report")]
 pub(crate) use table::quote_csv;
 pub use table::{
-    Layout, Space, Table, TableOptions, ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints,
+    Ground, Known, Layout, Reading, Space, Table, TableOptions, ground_truth_csv, keypoints_csv,
+    parse_ground_truth, parse_keypoints,
 };

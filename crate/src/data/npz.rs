@@ -8,12 +8,14 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::image::Frame;
 use super::recording::{self, ArrayFile, ArrayInfo, AxisOrder, Kind, Recording, Values};
-use super::table::Table;
+use super::table::{Table, TableOptions};
 use crate::error::{Error, ErrorKind, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 
-const MAGIC: &[u8; 6] = b"\x93NUMPY";
+/// The first bytes of a `.npy` array.
+pub(super) const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
 /// Longer than the header of any array of numbers; a guard against damaged files.
 const MAX_HEADER: u32 = 1 << 16;
@@ -22,16 +24,24 @@ const MAX_HEADER: u32 = 1 << 16;
 pub const NPZ_MAGIC: &[u8; 4] = b"PK\x03\x04";
 
 impl Recording {
-    /// Frames, and points if there are any, of an NPZ file. `axes` is the order of the points' coordinates, where it
-    /// is known.
+    /// Frames, and points if there are any, of an NPZ file.
     ///
     /// `np.savez` stores arrays as they are: frames are then read one by one from the file. `np.savez_compressed` packs
     /// them: they are unpacked into memory as a whole.
     ///
     /// # Errors
     /// When the file is no whole NPZ file, or its arrays do not hold frames and points; the message names the array.
-    pub fn from_npz(reader: impl Read + Seek + Send + 'static, axes: Option<AxisOrder>) -> Result<Self> {
-        Self::new(Box::new(Npz::open(reader)?), axes)
+    pub fn from_npz(reader: impl Read + Seek + Send + 'static, options: &TableOptions) -> Result<Self> {
+        Self::new(Box::new(Npz::open(reader)?), options)
+    }
+
+    /// As [`Recording::from_npz`], from the arrays of a file that is not in memory. Frames are not read through it then:
+    /// [`Recording::frame_place`] says where they lie.
+    ///
+    /// # Errors
+    /// As [`Recording::from_npz`].
+    pub fn from_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> Result<Self> {
+        Self::new(Box::new(Npz::of(arrays)?), options)
     }
 }
 
@@ -43,10 +53,10 @@ impl Recording {
 pub fn parse_npz_ground_truth(
     bytes: &[u8],
     name: &str,
-    axes: Option<AxisOrder>,
+    options: &TableOptions,
 ) -> Result<Table<GroundTruth>> {
     Npz::open(Cursor::new(bytes))
-        .and_then(|file| recording::ground_truth(&file, axes))
+        .and_then(|file| recording::ground_truth(&file, options))
         .map_err(|e| e.at(name))
 }
 
@@ -54,31 +64,115 @@ pub fn parse_npz_ground_truth(
 ///
 /// # Errors
 /// As [`parse_npz_ground_truth`].
-pub fn parse_npz_keypoints(
-    bytes: &[u8],
-    name: &str,
-    axes: Option<AxisOrder>,
-) -> Result<Table<KeypointTrack>> {
+pub fn parse_npz_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Result<Table<KeypointTrack>> {
     Npz::open(Cursor::new(bytes))
-        .and_then(|file| recording::keypoints(&file, axes))
+        .and_then(|file| recording::keypoints(&file, options))
         .map_err(|e| e.at(name))
 }
 
-/// An open NPZ file.
-struct Npz<R> {
-    archive: Mutex<ZipArchive<R>>,
+/// Parses a ground truth from arrays, as [`parse_npz_ground_truth`].
+///
+/// # Errors
+/// As [`parse_npz_ground_truth`].
+pub fn ground_truth_of_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> Result<Table<GroundTruth>> {
+    recording::ground_truth(&Npz::of(arrays)?, options)
+}
+
+/// Parses keypoints from arrays, as [`parse_npz_keypoints`].
+///
+/// # Errors
+/// As [`parse_npz_keypoints`].
+pub fn keypoints_of_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+    recording::keypoints(&Npz::of(arrays)?, options)
+}
+
+/// An array of an NPZ file, `.npy`: the whole of it, or of frames at least the header.
+#[derive(Debug, Clone)]
+pub struct NpyArray {
+    /// Its name, without `.npy`.
+    pub name: String,
+    /// The bytes from its beginning.
+    pub bytes: Vec<u8>,
+    /// The size of all of it, unpacked.
+    pub size: u64,
+}
+
+impl NpyArray {
+    /// As many bytes hold the header of any array.
+    pub const HEAD: u64 = MAX_HEADER as u64 + 12;
+
+    /// Whether an array of this name holds frames.
+    pub fn holds_frames(name: &str) -> bool {
+        recording::FRAMES.contains(&name)
+    }
+
+    /// Whether an array of this name is needed as a whole, because it holds points or their names.
+    pub fn is_needed_whole(name: &str) -> bool {
+        recording::POINTS.contains(&name) || name == "names"
+    }
+}
+
+/// The frame of a `.npy` array of shape `[H, W, 3]` or `[3, H, W]`.
+pub(super) fn decode_frame(bytes: &[u8]) -> Result<Frame> {
+    let size = bytes.len() as u64;
+    let header = Header::read(&mut &*bytes)?;
+    header.check("frame", size)?;
+    let info = ArrayInfo {
+        shape: [1].into_iter().chain(header.shape.iter().copied()).collect(),
+        dtype: header.dtype.clone(),
+        kind: header.kind(),
+    };
+    recording::frame(&info, header.values("frame", &bytes[header.length as usize..])?)
+}
+
+/// An NPZ file, whose elements lie in `A` where they are not in memory.
+struct Npz<A> {
+    archive: A,
     arrays: BTreeMap<String, Member>,
 }
 
-struct Member {
-    /// Position in the archive.
-    position: usize,
-    header: Header,
-    /// The unpacked elements, where the archive holds them packed: a packed stream has no way into its middle.
-    unpacked: Option<Vec<u8>>,
+/// Where elements lie that are not in memory.
+trait Archive: Send + Sync {
+    /// `length` bytes of an entry as it is, from `start`.
+    fn read(&self, position: usize, start: u64, length: u64) -> Result<Vec<u8>>;
 }
 
-impl<R: Read + Seek + Send> Npz<R> {
+impl<R: Read + Seek + Send> Archive for Mutex<ZipArchive<R>> {
+    fn read(&self, position: usize, start: u64, length: u64) -> Result<Vec<u8>> {
+        // A thread that panicked while it held the archive left nothing half done: every read seeks first.
+        let mut archive = self.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut entry = archive.by_index_seek(position).map_err(|e| broken(&e))?;
+        let mut bytes = vec![0; length as usize];
+        entry
+            .seek(SeekFrom::Start(start))
+            .and_then(|_| entry.read_exact(&mut bytes))
+            .map_err(|e| damaged(&e))?;
+        Ok(bytes)
+    }
+}
+
+/// Out of reach from here.
+struct Elsewhere;
+
+impl Archive for Elsewhere {
+    fn read(&self, _: usize, _: u64, _: u64) -> Result<Vec<u8>> {
+        Err(Error::input("the array is not in memory; read it where it lies"))
+    }
+}
+
+struct Member {
+    header: Header,
+    elements: Elements,
+}
+
+enum Elements {
+    /// At this position in the archive, as they are.
+    Archive(usize),
+    /// Unpacked, where the archive holds them packed: a packed stream has no way into its middle.
+    Memory(Vec<u8>),
+}
+
+impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
     fn open(reader: R) -> Result<Self> {
         let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
         let mut arrays = BTreeMap::new();
@@ -88,22 +182,8 @@ impl<R: Read + Seek + Send> Npz<R> {
                 continue;
             };
             let header = Header::read(&mut entry).map_err(|e| e.at(format!("`{name}`")))?;
-            let short = || {
-                Error::input(format!(
-                    "`{name}` has {} bytes, shape {:?} of {} needs {}; is the file complete?",
-                    entry.size().saturating_sub(header.length),
-                    header.shape,
-                    header.dtype,
-                    header
-                        .bytes()
-                        .map_or("more than there can be".to_owned(), |b| b.to_string())
-                ))
-            };
-            let bytes = header
-                .bytes()
-                .filter(|b| b.checked_add(header.length) == Some(entry.size()));
-            let bytes = bytes.ok_or_else(short)?;
-            let mut unpacked = None;
+            let bytes = header.check(&name, entry.size())?;
+            let mut elements = Elements::Archive(position);
             if entry.compression() != CompressionMethod::Stored {
                 let mut all = Vec::new();
                 entry
@@ -115,41 +195,47 @@ impl<R: Read + Seek + Send> Npz<R> {
                         all.len()
                     )));
                 }
-                unpacked = Some(all);
+                elements = Elements::Memory(all);
             }
-            arrays.insert(
-                name,
-                Member {
-                    position,
-                    header,
-                    unpacked,
-                },
-            );
+            arrays.insert(name, Member { header, elements });
         }
         Ok(Self {
             archive: Mutex::new(archive),
             arrays,
         })
     }
+}
 
-    fn bytes(&self, name: &str, start: u64, length: u64) -> Result<Vec<u8>> {
-        let member = &self.arrays[name];
-        if let Some(all) = &member.unpacked {
-            return Ok(all[start as usize..(start + length) as usize].to_vec());
+impl Npz<Elsewhere> {
+    fn of(given: Vec<NpyArray>) -> Result<Self> {
+        let mut arrays = BTreeMap::new();
+        for (position, NpyArray { name, bytes, size }) in given.into_iter().enumerate() {
+            let header = Header::read(&mut &*bytes).map_err(|e| e.at(format!("`{name}`")))?;
+            header.check(&name, size)?;
+            let elements = match bytes.len() as u64 == size {
+                true => Elements::Memory(bytes[header.length as usize..].to_vec()),
+                false => Elements::Archive(position),
+            };
+            arrays.insert(name, Member { header, elements });
         }
-        // A thread that panicked while it held the archive left nothing half done: every read seeks first.
-        let mut archive = self.archive.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut entry = archive.by_index_seek(member.position).map_err(|e| broken(&e))?;
-        let mut bytes = vec![0; length as usize];
-        entry
-            .seek(SeekFrom::Start(member.header.length + start))
-            .and_then(|_| entry.read_exact(&mut bytes))
-            .map_err(|e| damaged(&e))?;
-        Ok(bytes)
+        Ok(Self {
+            archive: Elsewhere,
+            arrays,
+        })
     }
 }
 
-impl<R: Read + Seek + Send> ArrayFile for Npz<R> {
+impl<A: Archive> Npz<A> {
+    fn bytes(&self, name: &str, start: u64, length: u64) -> Result<Vec<u8>> {
+        let member = &self.arrays[name];
+        match &member.elements {
+            Elements::Memory(all) => Ok(all[start as usize..(start + length) as usize].to_vec()),
+            Elements::Archive(position) => self.archive.read(*position, member.header.length + start, length),
+        }
+    }
+}
+
+impl<A: Archive> ArrayFile for Npz<A> {
     fn names(&self) -> Result<Vec<String>> {
         Ok(self.arrays.keys().cloned().collect())
     }
@@ -164,41 +250,14 @@ impl<R: Read + Seek + Send> ArrayFile for Npz<R> {
 
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values> {
         let header = &self.arrays[name].header;
-        if header.fortran {
-            return Err(Error::input(format!(
-                "`{name}` is stored column by column; save np.ascontiguousarray of it"
-            )));
-        }
-        let count: u64 = header.shape[leading.len()..].iter().product();
-        let strides = header.shape[..leading.len()].iter().zip(leading);
-        let start = strides.fold(0, |start, (size, i)| start * size + i) * count;
-        let bytes = self.bytes(name, start * header.item, count * header.item)?;
-        let big = header.dtype.starts_with('>');
-        Ok(match header.kind() {
-            Some(Kind::U8) => Values::U8(bytes),
-            Some(Kind::F32) => Values::F32(numbers(
-                &bytes,
-                if big {
-                    f32::from_be_bytes
-                } else {
-                    f32::from_le_bytes
-                },
-            )),
-            Some(Kind::F64) => Values::F64(numbers(
-                &bytes,
-                if big {
-                    f64::from_be_bytes
-                } else {
-                    f64::from_le_bytes
-                },
-            )),
-            None => {
-                return Err(Error::input(format!(
-                    "`{name}` is of type {}, which is not read",
-                    header.dtype
-                )));
-            }
-        })
+        let (start, length) = header.part(leading);
+        header.values(name, &self.bytes(name, start, length)?)
+    }
+
+    fn place(&self, name: &str, leading: &[u64]) -> Option<(u64, u64)> {
+        let header = &self.arrays.get(name)?.header;
+        let (start, length) = header.part(leading);
+        Some((header.length + start, length))
     }
 
     fn axes(&self) -> Option<AxisOrder> {
@@ -309,6 +368,52 @@ impl Header {
         })
     }
 
+    /// The size of all elements; an error when the array does not have `size` bytes.
+    fn check(&self, name: &str, size: u64) -> Result<u64> {
+        let bytes = self.bytes().filter(|b| b.checked_add(self.length) == Some(size));
+        bytes.ok_or_else(|| {
+            Error::input(format!(
+                "`{name}` has {} bytes, shape {:?} of {} needs {}; is the file complete?",
+                size.saturating_sub(self.length),
+                self.shape,
+                self.dtype,
+                self.bytes()
+                    .map_or("more than there can be".to_owned(), |b| b.to_string())
+            ))
+        })
+    }
+
+    /// Where the elements at the `leading` indices begin, after the header, and their size in bytes.
+    fn part(&self, leading: &[u64]) -> (u64, u64) {
+        let count: u64 = self.shape[leading.len()..].iter().product();
+        let strides = self.shape[..leading.len()].iter().zip(leading);
+        let start = strides.fold(0, |start, (size, i)| start * size + i) * count;
+        (start * self.item, count * self.item)
+    }
+
+    /// The numbers that `bytes` hold.
+    fn values(&self, name: &str, bytes: &[u8]) -> Result<Values> {
+        if self.fortran {
+            return Err(Error::input(format!(
+                "`{name}` is stored column by column; save np.ascontiguousarray of it"
+            )));
+        }
+        let big = self.dtype.starts_with('>');
+        Ok(match self.kind() {
+            Some(Kind::U8) => Values::U8(bytes.to_vec()),
+            Some(Kind::F32) if big => Values::F32(numbers(bytes, f32::from_be_bytes)),
+            Some(Kind::F32) => Values::F32(numbers(bytes, f32::from_le_bytes)),
+            Some(Kind::F64) if big => Values::F64(numbers(bytes, f64::from_be_bytes)),
+            Some(Kind::F64) => Values::F64(numbers(bytes, f64::from_le_bytes)),
+            None => {
+                return Err(Error::input(format!(
+                    "`{name}` is of type {}, which is not read",
+                    self.dtype
+                )));
+            }
+        })
+    }
+
     fn kind(&self) -> Option<Kind> {
         match &self.dtype[1..] {
             "u1" => Some(Kind::U8),
@@ -324,6 +429,21 @@ impl Header {
             .iter()
             .try_fold(self.item, |bytes, n| bytes.checked_mul(*n))
     }
+}
+
+/// The header of a `.npy` array of numpy type `dtype`.
+pub(super) fn npy_header(dtype: &str, shape: &[usize]) -> Vec<u8> {
+    let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
+    let mut text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({sizes}), }}");
+    // numpy aligns the first element to 64 bytes.
+    let padding = 63 - (10 + text.len()) % 64;
+    text.push_str(&" ".repeat(padding));
+    text.push('\n');
+    let mut header = MAGIC.to_vec();
+    header.extend([1, 0]);
+    header.extend((text.len() as u16).to_le_bytes());
+    header.extend(text.as_bytes());
+    header
 }
 
 /// Writes arrays into an NPZ file, one after the other, without holding one in memory.
@@ -351,17 +471,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         self.zip
             .start_file(format!("{name}.npy"), options)
             .map_err(|e| Error::new(ErrorKind::Io, e.to_string()))?;
-        let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
-        let mut text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({sizes}), }}");
-        // numpy aligns the first element to 64 bytes.
-        let padding = 63 - (10 + text.len()) % 64;
-        text.push_str(&" ".repeat(padding));
-        text.push('\n');
-        let mut header = MAGIC.to_vec();
-        header.extend([1, 0]);
-        header.extend((text.len() as u16).to_le_bytes());
-        header.extend(text.as_bytes());
-        self.write(&header)
+        self.write(&npy_header(dtype, shape))
     }
 
     /// Appends bytes to the array that was begun.

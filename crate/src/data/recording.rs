@@ -7,13 +7,18 @@ use ndarray::Array3;
 
 use super::frames::FrameIndex;
 use super::image::{Frame, MAX_SIDE, MIN_SIDE, Pixels};
+use super::npz::npy_header;
 use super::source::FrameSource;
-use super::table::{Table, point_notices};
+use super::table::{
+    Ground, Known, Layout as TableLayout, Reading, Space, Table, TableOptions, ndc_from_pixels, point_notices,
+};
 use crate::error::{Error, Result};
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
-const FRAMES: [&str; 2] = ["images", "frames"];
-const POINTS: [&str; 2] = ["keypoints", "sites"];
+/// The names of arrays of frames.
+pub(super) const FRAMES: [&str; 2] = ["images", "frames"];
+/// The names of arrays of points.
+pub(super) const POINTS: [&str; 2] = ["keypoints", "sites"];
 
 /// What the last axis of an array of points holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,6 +39,16 @@ impl FromStr for AxisOrder {
             _ => Err(Error::input(format!(
                 "`{text}` is no axis order; expected xy or yx"
             ))),
+        }
+    }
+}
+
+impl AxisOrder {
+    /// `xy` or `yx`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Xy => "xy",
+            Self::Yx => "yx",
         }
     }
 }
@@ -83,6 +98,12 @@ pub(super) trait ArrayFile: Send + Sync {
     /// The part of a known array at the `leading` indices, row by row; the whole of it where there are none.
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values>;
 
+    /// Where the part of a known array at the `leading` indices lies in the array's file, header included, and its
+    /// size, in bytes; None where it does not lie in one piece.
+    fn place(&self, _name: &str, _leading: &[u64]) -> Option<(u64, u64)> {
+        None
+    }
+
     /// The axis order that the file itself states.
     fn axes(&self) -> Option<AxisOrder>;
 
@@ -108,7 +129,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    pub(super) fn new(file: Box<dyn ArrayFile>, axes: Option<AxisOrder>) -> Result<Self> {
+    pub(super) fn new(file: Box<dyn ArrayFile>, options: &TableOptions) -> Result<Self> {
         let Some((name, info)) = find(&*file, FRAMES)? else {
             return Err(Error::input(format!(
                 "no array of frames; expected `images` or `frames`, found {}",
@@ -118,7 +139,11 @@ impl Recording {
         let layout = Layout::new(name, &info)?;
         let mut notices = Vec::new();
         let mut truth = None;
-        if let Some(points) = Points::read(&*file, axes)? {
+        let options = TableOptions {
+            image_size: options.image_size.or(Some([layout.width, layout.height])),
+            ..*options
+        };
+        if let Some(points) = Points::read(&*file, &options)? {
             if (points.sequences, points.frames) != (layout.sequences, layout.frames) {
                 return Err(Error::mismatch(format!(
                     "`{}` has shape {:?}, `{name}` has {:?}; expected the same {} sequences of {} frames",
@@ -143,22 +168,36 @@ impl Recording {
         [self.layout.width, self.layout.height]
     }
 
-    fn frame(&self, i: usize) -> Result<Frame> {
-        let layout = &self.layout;
-        let (sequence, frame) = ((i / layout.frames) as u64, (i % layout.frames) as u64);
-        let leading = match layout.single {
-            true => vec![frame],
-            false => vec![sequence, frame],
-        };
-        let pixels = match self.file.read(&layout.name, &leading)? {
-            Values::U8(values) => Pixels::Bytes(layout.interleave(values)),
-            Values::F32(values) => Pixels::Floats(layout.interleave(values)),
-            Values::F64(values) => {
-                Pixels::Floats(layout.interleave(values.into_iter().map(|v| v as f32).collect()))
-            }
-        };
-        Frame::from_pixels(layout.width, layout.height, pixels)
+    /// The name of the array of frames.
+    pub fn frames_name(&self) -> &str {
+        &self.layout.name
     }
+
+    /// Where frame `i` lies in the file of its array, `images.npy` or `frames.npy`: start and length in bytes; None where
+    /// it does not lie there in one piece.
+    pub fn frame_place(&self, i: usize) -> Option<(u64, u64)> {
+        self.file.place(&self.layout.name, &self.layout.leading(i))
+    }
+
+    /// The header that makes the bytes at [`Recording::frame_place`] a `.npy` array, which [`Frame::decode`] takes.
+    pub fn frame_header(&self) -> Vec<u8> {
+        let [w, h] = [self.layout.width as usize, self.layout.height as usize];
+        let shape = match self.layout.channels_first {
+            true => [3, h, w],
+            false => [h, w, 3],
+        };
+        npy_header(&self.layout.dtype, &shape)
+    }
+
+    fn frame(&self, i: usize) -> Result<Frame> {
+        let values = self.file.read(&self.layout.name, &self.layout.leading(i))?;
+        self.layout.frame(values)
+    }
+}
+
+/// The only frame of an array of one.
+pub(super) fn frame(info: &ArrayInfo, values: Values) -> Result<Frame> {
+    Layout::new("frame", info)?.frame(values)
 }
 
 impl FrameSource for Recording {
@@ -185,13 +224,13 @@ impl FrameSource for Recording {
 }
 
 /// The points of a recording as a ground truth; it need not have frames.
-pub(super) fn ground_truth(file: &dyn ArrayFile, axes: Option<AxisOrder>) -> Result<Table<GroundTruth>> {
-    points(file, axes)?.into_truth()
+pub(super) fn ground_truth(file: &dyn ArrayFile, options: &TableOptions) -> Result<Table<GroundTruth>> {
+    points(file, options)?.into_truth()
 }
 
 /// The points of a recording as keypoints of a detector; it need not have frames.
-pub(super) fn keypoints(file: &dyn ArrayFile, axes: Option<AxisOrder>) -> Result<Table<KeypointTrack>> {
-    let points = points(file, axes)?;
+pub(super) fn keypoints(file: &dyn ArrayFile, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+    let points = points(file, options)?;
     let mut notices = vec![points.notice];
     notices.extend(point_notices(
         &points.values,
@@ -200,12 +239,13 @@ pub(super) fn keypoints(file: &dyn ArrayFile, axes: Option<AxisOrder>) -> Result
     let keys = keys(points.sequences, points.frames);
     Ok(Table {
         content: KeypointTrack::new(keys, points.values)?,
+        reading: points.reading,
         notices,
     })
 }
 
-fn points(file: &dyn ArrayFile, axes: Option<AxisOrder>) -> Result<Points> {
-    match Points::read(file, axes)? {
+fn points(file: &dyn ArrayFile, options: &TableOptions) -> Result<Points> {
+    match Points::read(file, options)? {
         Some(points) => Ok(points),
         None => Err(Error::input(format!(
             "no array of points; expected `keypoints` or `sites`, found {}",
@@ -217,6 +257,7 @@ fn points(file: &dyn ArrayFile, axes: Option<AxisOrder>) -> Result<Points> {
 /// Where frames lie in their array.
 struct Layout {
     name: String,
+    dtype: String,
     kind: Kind,
     sequences: usize,
     frames: usize,
@@ -265,6 +306,7 @@ impl Layout {
         };
         Ok(Self {
             name: name.to_owned(),
+            dtype: info.dtype.clone(),
             kind,
             sequences: count(sequences, name, &info.shape)?,
             frames: count(frames, name, &info.shape)?,
@@ -273,6 +315,25 @@ impl Layout {
             channels_first,
             single,
         })
+    }
+
+    fn leading(&self, i: usize) -> Vec<u64> {
+        let (sequence, frame) = ((i / self.frames) as u64, (i % self.frames) as u64);
+        match self.single {
+            true => vec![frame],
+            false => vec![sequence, frame],
+        }
+    }
+
+    fn frame(&self, values: Values) -> Result<Frame> {
+        let pixels = match values {
+            Values::U8(values) => Pixels::Bytes(self.interleave(values)),
+            Values::F32(values) => Pixels::Floats(self.interleave(values)),
+            Values::F64(values) => {
+                Pixels::Floats(self.interleave(values.into_iter().map(|v| v as f32).collect()))
+            }
+        };
+        Frame::from_pixels(self.width, self.height, pixels)
     }
 
     fn interleave<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
@@ -293,12 +354,13 @@ struct Points {
     frames: usize,
     values: Array3<f64>,
     names: Vec<String>,
+    reading: Reading,
     /// How it was read.
     notice: String,
 }
 
 impl Points {
-    fn read(file: &dyn ArrayFile, axes: Option<AxisOrder>) -> Result<Option<Self>> {
+    fn read(file: &dyn ArrayFile, options: &TableOptions) -> Result<Option<Self>> {
         let Some((name, info)) = find(file, POINTS)? else {
             return Ok(None);
         };
@@ -325,16 +387,35 @@ impl Points {
             Values::F32(values) => values.into_iter().map(f64::from).collect(),
             Values::F64(values) => values,
         };
-        let (order, source) = match (axes, file.axes()) {
-            (Some(order), _) => (order, "as asked for"),
-            (None, Some(order)) => (order, "as the file says"),
-            (None, None) => (
-                AxisOrder::Xy,
-                "a guess, as the authors record; --axis-order yx reads (y, x)",
-            ),
+        let axes = match file.axes() {
+            Some(order) => Known::of(options.axes, order, Ground::File),
+            None => Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
         };
-        if order == AxisOrder::Yx {
+        if axes.value == AxisOrder::Yx {
             values.chunks_exact_mut(2).for_each(|point| point.swap(0, 1));
+        }
+        let source = match axes.by {
+            Ground::Said => "as asked for",
+            Ground::File => "as the file says",
+            Ground::Guess => "a guess, as the authors record; --axis-order yx reads (y, x)",
+        };
+        let reading = Reading {
+            layout: TableLayout::Arrays,
+            space: Known::of(options.space, Space::Ndc, Ground::Guess),
+            axes,
+            // Frames are the positions in the array.
+            index_base: Known::of(None, 0, Ground::File),
+        };
+        if reading.space.value == Space::Pixels {
+            let size = options.image_size.ok_or_else(|| {
+                Error::input(format!(
+                    "the positions of `{name}` are in pixels, as was said, and the size of the images is not known; give \
+                     the frames along, or the size (--image-size 256x256)"
+                ))
+            })?;
+            for point in values.chunks_exact_mut(2) {
+                point.copy_from_slice(&ndc_from_pixels([point[0], point[1]], size));
+            }
         }
         let names = match file.point_names()? {
             Some(names) if names.len() == points => names,
@@ -356,7 +437,8 @@ impl Points {
         })?;
         Ok(Some(Self {
             name,
-            notice: format!("`{name}` is read as {order}: {source}"),
+            notice: format!("`{name}` is read as {}: {source}", axes.value),
+            reading,
             shape: info.shape,
             sequences,
             frames,
@@ -383,6 +465,7 @@ impl Points {
         let keys = keys(self.sequences, self.frames);
         Ok(Table {
             content: GroundTruth::new(keys, self.names, self.values)?,
+            reading: self.reading,
             notices,
         })
     }

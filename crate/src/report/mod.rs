@@ -9,6 +9,7 @@ mod page;
 mod plots;
 mod request;
 mod runs;
+mod unmatched;
 
 pub use evaluation::{
     AssignmentReport, ContextReport, EvaluationReport, HeldOutObjectReport, HeldOutReport, IntervalReport,
@@ -22,3 +23,4 @@ pub use page::{STYLE, evaluation_page};
 pub use plots::figures;
 pub use request::{Inputs, Request, shell_line};
 pub use runs::{Group, GroupReport, ImprovementReport, ObjectRunsReport, Run, RunReport, Runs, RunsReport};
+pub use unmatched::{UnmatchedSequence, unmatched_sequences};

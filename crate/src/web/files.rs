@@ -24,6 +24,7 @@ pub fn classify(path: &str, head: &[u8]) -> JsResult<JsValue> {
     struct Classification {
         role: &'static str,
         reason: String,
+        guess: bool,
     }
     let found = data::classify(path, head);
     let role = match found.role {
@@ -31,11 +32,16 @@ pub fn classify(path: &str, head: &[u8]) -> JsResult<JsValue> {
         Role::GroundTruth => "ground-truth",
         Role::Keypoints => "keypoints",
         Role::Checkpoint => "checkpoint",
+        Role::Recording => "recording",
+        Role::Archive => "archive",
+        Role::Video => "video",
+        Role::Result => "result",
         Role::Unknown => "unknown",
     };
     to_js(&Classification {
         role,
         reason: found.reason,
+        guess: found.guess,
     })
 }
 

@@ -6,7 +6,8 @@ use wasm_bindgen::prelude::*;
 use super::tables::GroundTruthTable;
 use super::{JsResult, js_error, to_js};
 use crate::data;
-use crate::report::JoinReport;
+use crate::report::{JoinReport, UnmatchedSequence, unmatched_sequences};
+use crate::track::FrameKey;
 
 /// The frames among dropped files, in natural order.
 #[wasm_bindgen]
@@ -26,6 +27,19 @@ impl FrameIndex {
         let index = data::FrameIndex::new(&paths).map_err(|e| js_error(&e))?;
         let ignored = index.ignored().iter().map(|i| paths[*i].clone()).collect();
         Ok(Self { index, ignored })
+    }
+
+    /// Orders frames of which all `paths` are some, whatever their endings.
+    ///
+    /// # Errors
+    /// When there is none.
+    #[wasm_bindgen(js_name = ofAll)]
+    pub fn of_all(paths: Vec<String>) -> JsResult<FrameIndex> {
+        let index = data::FrameIndex::of_all(&paths).map_err(|e| js_error(&e))?;
+        Ok(Self {
+            index,
+            ignored: Vec::new(),
+        })
     }
 
     /// The number of frames.
@@ -77,7 +91,33 @@ impl FrameIndex {
 pub fn join_frames(frames: &FrameIndex, truth: &GroundTruthTable) -> JsResult<JsValue> {
     let (frames, rows) = (frames.index.keys(), truth.table.content.keys());
     let join = data::join(frames, rows).map_err(|e| js_error(&e))?;
-    to_js(&JoinReport::new(&join, frames, rows))
+    to_js(&JsJoin::new(&join, frames, rows))
+}
+
+/// The report of a join with all that is unmatched.
+#[derive(Serialize)]
+pub(super) struct JsJoin {
+    #[serde(flatten)]
+    pub report: JoinReport,
+    unmatched: Unmatched,
+}
+
+#[derive(Serialize)]
+struct Unmatched {
+    frames: Vec<UnmatchedSequence>,
+    rows: Vec<UnmatchedSequence>,
+}
+
+impl JsJoin {
+    pub fn new(join: &data::Join, frames: &[FrameKey], rows: &[FrameKey]) -> Self {
+        Self {
+            report: JoinReport::new(join, frames, rows),
+            unmatched: Unmatched {
+                frames: unmatched_sequences(frames, &join.unmatched_left),
+                rows: unmatched_sequences(rows, &join.unmatched_right),
+            },
+        }
+    }
 }
 
 #[derive(Serialize)]

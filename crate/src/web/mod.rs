@@ -4,6 +4,8 @@
 //! in the workers, figures once there is something to draw, extraction on the GPU where there is one. Objects of one part
 //! mean nothing to another one.
 
+#[cfg(feature = "web-scoring")]
+mod containers;
 #[cfg(feature = "web-extraction")]
 mod encoder;
 #[cfg(feature = "web-figures")]

@@ -6,13 +6,13 @@ use js_sys::{Float64Array, Object, Reflect};
 use serde::Deserialize;
 use wasm_bindgen::prelude::*;
 
-use super::frames::{FrameIndex, sequences_to_js};
+use super::frames::{FrameIndex, JsJoin, sequences_to_js};
 use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{EvaluationReport, JoinReport};
+use crate::report::EvaluationReport;
 use crate::scoring;
 use crate::track::FrameKey;
 
@@ -20,7 +20,7 @@ use crate::track::FrameKey;
 #[wasm_bindgen]
 pub struct Scoring {
     scoring: scoring::Scoring,
-    join: JoinReport,
+    join: JsJoin,
 }
 
 #[derive(Default, Deserialize)]
@@ -64,7 +64,7 @@ impl Scoring {
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
         let scoring = scoring::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
-        let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
+        let join = JsJoin::new(scoring.join(), keypoints.keys(), truth.keys());
         Ok(Self { scoring, join })
     }
 
@@ -145,7 +145,7 @@ impl Scoring {
         to_js(&EvaluationReport::new(
             &evaluation,
             options.image_size,
-            Some(&self.join),
+            Some(&self.join.report),
         ))
     }
 

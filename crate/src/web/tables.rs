@@ -1,13 +1,13 @@
 //! Ground truth and keypoints in JavaScript.
 
 use ndarray::Array3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
 use super::frames::FrameIndex;
 use super::options::from_js;
-use super::{JsResult, js_error};
-use crate::data::{self, AxisOrder, Space, Table, TableOptions};
+use super::{JsResult, js_error, to_js};
+use crate::data::{self, AxisOrder, Ground, Reading, Space, Table, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -16,11 +16,11 @@ use crate::track::{GroundTruth, KeypointTrack};
 struct JsTableOptions {
     space: Option<String>,
     axis_order: Option<String>,
-    index_base: u64,
+    index_base: Option<u64>,
     image_size: Option<[u32; 2]>,
 }
 
-fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
+pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
     let keys = ["space", "axisOrder", "indexBase", "imageSize"];
     let options: JsTableOptions = from_js(value, &format!("the options of {call}"), &keys)?;
     let space = options.space.as_deref().map(str::parse::<Space>).transpose();
@@ -37,17 +37,46 @@ fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
     })
 }
 
+/// How a table was read, as JavaScript has it.
+fn reading_to_js(reading: &Reading) -> JsResult<JsValue> {
+    #[derive(Serialize)]
+    struct Known<T> {
+        value: T,
+        by: &'static str,
+    }
+    #[derive(Serialize)]
+    #[serde(rename_all = "camelCase")]
+    struct JsReading {
+        layout: String,
+        space: Known<&'static str>,
+        axis_order: Known<&'static str>,
+        index_base: Known<u64>,
+    }
+    fn known<T, U>(of: data::Known<T>, value: impl Fn(T) -> U) -> Known<U> {
+        Known {
+            value: value(of.value),
+            by: Ground::name(of.by),
+        }
+    }
+    to_js(&JsReading {
+        layout: reading.layout.to_string(),
+        space: known(reading.space, Space::name),
+        axis_order: known(reading.axes, AxisOrder::name),
+        index_base: known(reading.index_base, |n| n),
+    })
+}
+
 /// Object positions over frames.
 #[wasm_bindgen]
 pub struct GroundTruthTable {
-    name: String,
+    pub(super) name: String,
     pub(super) table: Table<GroundTruth>,
 }
 
 /// Keypoints over frames.
 #[wasm_bindgen]
 pub struct KeypointTable {
-    name: String,
+    pub(super) name: String,
     pub(super) table: Table<KeypointTrack>,
 }
 
@@ -85,6 +114,15 @@ impl GroundTruthTable {
     #[wasm_bindgen(getter)]
     pub fn sequences(&self) -> usize {
         data::ranges(self.table.content.keys()).len()
+    }
+
+    /// What the numbers were taken for, and what said so.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn reading(&self) -> JsResult<JsValue> {
+        reading_to_js(&self.table.reading)
     }
 
     /// How the table was read.
@@ -131,6 +169,7 @@ impl KeypointTable {
             name: "extraction".to_owned(),
             table: Table {
                 content,
+                reading: Reading::of_extraction(),
                 notices: Vec::new(),
             },
         })
@@ -152,6 +191,15 @@ impl KeypointTable {
     #[wasm_bindgen(getter)]
     pub fn frames(&self) -> usize {
         self.table.content.keys().len()
+    }
+
+    /// What the numbers were taken for, and what said so.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn reading(&self) -> JsResult<JsValue> {
+        reading_to_js(&self.table.reading)
     }
 
     /// How the table was read.

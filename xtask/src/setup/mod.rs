@@ -16,7 +16,7 @@ use crate::workspace::Workspace;
 pub use browser::browsers;
 pub use cluster::cluster;
 pub use gpu::lavapipe;
-pub use node::{NPM_LOCK, PAGE_PEERS, WasmOpt, node, npm_packages, wasm_opt};
+pub use node::{NPM_LOCK, PAGE_PEERS, WasmOpt, node, npm_packages, page_files, page_libraries, wasm_opt};
 pub use python::python;
 pub use wasm::wasm_toolchain;
 

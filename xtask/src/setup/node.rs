@@ -1,4 +1,4 @@
-//! node, npm, and what comes from npm: wasm-opt, and the peers of benchmarks.
+//! node, npm, and what comes from npm: wasm-opt, libraries of the page, and the peers of benchmarks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,6 +31,22 @@ pub const PAGE_PEERS: Packages = Packages {
     manifest: include_str!("../../npm/peers/package.json"),
     lock: include_str!("../../npm/peers/package-lock.json"),
 };
+
+/// What the page loads beside its own files.
+const PAGE_LIBRARIES: Packages = Packages {
+    name: "npm-page",
+    manifest: include_str!("../../npm/page/package.json"),
+    lock: include_str!("../../npm/page/package-lock.json"),
+};
+
+/// Of the page's libraries, the files that it loads: in the site, and in `node_modules`.
+const PAGE_FILES: [(&str, &str); 2] = [
+    (
+        "vendor/mediabunny.js",
+        "mediabunny/dist/bundles/mediabunny.min.mjs",
+    ),
+    ("vendor/mediabunny.LICENSE.txt", "mediabunny/LICENSE"),
+];
 
 /// The oldest node that runs wasm-opt and the tests of the npm package.
 const OLDEST_NODE: u32 = 18;
@@ -135,6 +151,21 @@ pub fn npm_packages(workspace: &Workspace, node: &Node, packages: &Packages) -> 
     }
     npm_ci(node, &folder, packages)?;
     Ok(folder.join("node_modules"))
+}
+
+/// Installs the libraries that the page loads.
+///
+/// # Errors
+/// node is missing, or npm cannot fetch the packages.
+pub fn page_libraries(workspace: &Workspace) -> Result<()> {
+    npm_packages(workspace, &node()?, &PAGE_LIBRARIES).map(drop)
+}
+
+/// The files of these libraries, as far as they are installed, by their path in the site.
+pub fn page_files(workspace: &Workspace) -> Vec<(&'static str, PathBuf)> {
+    let folder = workspace.tools().join(PAGE_LIBRARIES.name).join("node_modules");
+    let files = PAGE_FILES.map(|(place, file)| (place, folder.join(file)));
+    files.into_iter().filter(|(_, file)| file.is_file()).collect()
 }
 
 fn npm_ci(node: &Node, folder: &Path, packages: &Packages) -> Result<()> {

@@ -50,7 +50,7 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
     match layout(&table.header) {
         Layout::DeepLabCut => deeplabcut::read(table, stem),
         Layout::Wide => wide::read(table, stem),
-        Layout::Tidy | Layout::Coco => tidy::read(table, content, options),
+        _ => tidy::read(table, content, options),
     }
 }
 

@@ -36,8 +36,67 @@ use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 pub struct Table<T> {
     /// The content.
     pub content: T,
+    /// What its numbers were taken for.
+    pub reading: Reading,
     /// E.g. that semicolons separate the fields, or how many points are missing.
     pub notices: Vec<String>,
+}
+
+/// What the numbers of a table were taken for, and what said so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reading {
+    /// How the table is written.
+    pub layout: Layout,
+    /// The unit of the positions.
+    pub space: Known<Space>,
+    /// The order of the coordinates.
+    pub axes: Known<AxisOrder>,
+    /// The number of the first frame.
+    pub index_base: Known<u64>,
+}
+
+/// A value with its ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Known<T> {
+    /// The value.
+    pub value: T,
+    /// What it rests on.
+    pub by: Ground,
+}
+
+impl<T> Known<T> {
+    /// What a person said; without that `otherwise`, on its own ground.
+    pub(super) fn of(said: Option<T>, otherwise: T, by: Ground) -> Self {
+        match said {
+            Some(value) => Self {
+                value,
+                by: Ground::Said,
+            },
+            None => Self { value: otherwise, by },
+        }
+    }
+}
+
+/// What a value rests on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ground {
+    /// A person said so.
+    Said,
+    /// The file says so, or its layout always has it so.
+    File,
+    /// Nothing: the usual case is taken.
+    Guess,
+}
+
+impl Ground {
+    /// `said`, `file` or `guess`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Said => "said",
+            Self::File => "file",
+            Self::Guess => "guess",
+        }
+    }
 }
 
 /// The unit of a table's positions.
@@ -47,6 +106,16 @@ pub enum Space {
     Ndc,
     /// Pixels, with the centre of the first one at (0, 0).
     Pixels,
+}
+
+impl Space {
+    /// `ndc` or `px`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ndc => "ndc",
+            Self::Pixels => "px",
+        }
+    }
 }
 
 impl FromStr for Space {
@@ -72,6 +141,10 @@ pub enum Layout {
     DeepLabCut,
     /// COCO keypoints, JSON.
     Coco,
+    /// Arrays of a recording, NPZ or HDF5.
+    Arrays,
+    /// None: the points were extracted here.
+    Extraction,
 }
 
 impl fmt::Display for Layout {
@@ -81,6 +154,8 @@ impl fmt::Display for Layout {
             Self::Wide => "one row a frame",
             Self::DeepLabCut => "DeepLabCut",
             Self::Coco => "COCO keypoints",
+            Self::Arrays => "arrays of a recording",
+            Self::Extraction => "an extraction",
         })
     }
 }
@@ -93,7 +168,7 @@ pub struct TableOptions {
     /// The order of the two coordinates under the names x and y; default: (x, y).
     pub axes: Option<AxisOrder>,
     /// The number of the first frame, and in a tidy table of the first keypoint; default: 0.
-    pub index_base: u64,
+    pub index_base: Option<u64>,
     /// `[width, height]` of the images; needed for positions in pixels, but for COCO.
     pub image_size: Option<[u32; 2]>,
 }
@@ -155,7 +230,7 @@ enum Content {
 /// positions are in pixels of unknown images; the message gives line and column.
 pub fn parse_ground_truth(bytes: &[u8], name: &str, options: &TableOptions) -> Result<Table<GroundTruth>> {
     let read = || {
-        let raw = read(bytes, name, Content::GroundTruth, options)?;
+        let (raw, reading) = read(bytes, name, Content::GroundTruth, options)?;
         if let Some(row) = raw.rows.iter().find(|r| r.xy.iter().any(|v| v.is_infinite())) {
             return Err(Error::input(format!(
                 "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
@@ -170,7 +245,11 @@ pub fn parse_ground_truth(bytes: &[u8], name: &str, options: &TableOptions) -> R
             "positions are missing: the object counts as not visible in that frame",
         ));
         let content = GroundTruth::new(keys, names, points)?;
-        Ok(Table { content, notices })
+        Ok(Table {
+            content,
+            reading,
+            notices,
+        })
     };
     read().map_err(|e: Error| e.at(name))
 }
@@ -182,7 +261,7 @@ pub fn parse_ground_truth(bytes: &[u8], name: &str, options: &TableOptions) -> R
 /// As [`parse_ground_truth`]; also when the keypoints of a tidy table are not numbered 0 to N - 1.
 pub fn parse_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Result<Table<KeypointTrack>> {
     let read = || {
-        let raw = read(bytes, name, Content::Keypoints, options)?;
+        let (raw, reading) = read(bytes, name, Content::Keypoints, options)?;
         let count = raw.points.len();
         let mut seen = vec![false; count];
         for row in &raw.rows {
@@ -192,19 +271,23 @@ pub fn parse_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Resu
             return Err(Error::input(format!(
                 "keypoint {missing} has no row, although keypoint {} has; expected keypoints numbered from {}",
                 count - 1,
-                options.index_base
+                reading.index_base.value
             )));
         }
         let (keys, points, mut notices) = arrange(&raw, |n| format!("keypoint {n}"))?;
         notices.extend(point_notices(&points, "keypoints are missing or not finite"));
         let content = KeypointTrack::new(keys, points)?;
-        Ok(Table { content, notices })
+        Ok(Table {
+            content,
+            reading,
+            notices,
+        })
     };
     read().map_err(|e: Error| e.at(name))
 }
 
 /// Reads a table of any layout, in ndc.
-fn read(bytes: &[u8], name: &str, content: Content, options: &TableOptions) -> Result<Raw> {
+fn read(bytes: &[u8], name: &str, content: Content, options: &TableOptions) -> Result<(Raw, Reading)> {
     let text = decode(bytes)?;
     let mut raw = match text.trim_start().starts_with('{') {
         true => coco::read(text)?,
@@ -224,25 +307,20 @@ fn read(bytes: &[u8], name: &str, content: Content, options: &TableOptions) -> R
             }
         }
     }
-    if options.axes == Some(AxisOrder::Yx) {
+    let reading = Reading::new(raw.layout, options);
+    if reading.axes.value == AxisOrder::Yx {
         for row in &mut raw.rows {
             row.xy.swap(0, 1);
         }
     }
+    let base = reading.index_base.value;
     for row in &mut raw.rows {
-        row.frame = row.frame.checked_sub(options.index_base).ok_or_else(|| {
-            Error::input(format!(
-                "the frame {}; expected frames from {}",
-                row.frame, options.index_base
-            ))
-            .at(format!("line {}", row.line))
+        row.frame = row.frame.checked_sub(base).ok_or_else(|| {
+            Error::input(format!("the frame {}; expected frames from {base}", row.frame))
+                .at(format!("line {}", row.line))
         })?;
     }
-    let space = options.space.unwrap_or(match raw.layout {
-        Layout::Tidy | Layout::Wide => Space::Ndc,
-        Layout::DeepLabCut | Layout::Coco => Space::Pixels,
-    });
-    if space == Space::Pixels {
+    if reading.space.value == Space::Pixels {
         for row in &mut raw.rows {
             let Some(size) = row.image_size.or(options.image_size) else {
                 return Err(Error::input(format!(
@@ -254,12 +332,40 @@ fn read(bytes: &[u8], name: &str, content: Content, options: &TableOptions) -> R
                     }
                 )));
             };
-            for (v, side) in row.xy.iter_mut().zip(size) {
-                *v = (2.0 * *v + 1.0) / f64::from(side) - 1.0;
-            }
+            row.xy = ndc_from_pixels(row.xy, size);
         }
     }
-    Ok(raw)
+    Ok((raw, reading))
+}
+
+/// A position in pixels, the centre of the first one at (0, 0), in ndc.
+pub(super) fn ndc_from_pixels(px: [f64; 2], image_size: [u32; 2]) -> [f64; 2] {
+    [0, 1].map(|axis| (2.0 * px[axis] + 1.0) / f64::from(image_size[axis]) - 1.0)
+}
+
+impl Reading {
+    /// What a table of this layout is taken for.
+    fn new(layout: Layout, options: &TableOptions) -> Self {
+        let (space, by) = match layout {
+            Layout::Tidy | Layout::Wide => (Space::Ndc, Ground::Guess),
+            Layout::DeepLabCut | Layout::Coco => (Space::Pixels, Ground::File),
+            Layout::Arrays | Layout::Extraction => (Space::Ndc, Ground::File),
+        };
+        Self {
+            layout,
+            space: Known::of(options.space, space, by),
+            // All of these name their columns or say which number is which.
+            axes: Known::of(options.axes, AxisOrder::Xy, Ground::File),
+            index_base: Known::of(options.index_base, 0, Ground::Guess),
+        }
+    }
+
+    /// Of points that were extracted here.
+    pub fn of_extraction() -> Self {
+        let mut reading = Self::new(Layout::Extraction, &TableOptions::default());
+        reading.index_base.by = Ground::File;
+        reading
+    }
 }
 
 /// How many points are missing, in the words of `missing`, and what looks like another unit than ndc.

@@ -95,7 +95,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
 
     let mut points = Points {
         content,
-        base: options.index_base,
+        base: options.index_base.unwrap_or_default(),
         names: Vec::new(),
         numbers: HashMap::new(),
     };

@@ -36,7 +36,7 @@ pub struct Page {
     origin: String,
     asked: Asked,
     chromedriver: Child,
-    _profile: tempfile::TempDir,
+    profile: tempfile::TempDir,
 }
 
 /// What was asked of the server, path by path.
@@ -155,7 +155,7 @@ impl Page {
             origin,
             asked,
             chromedriver,
-            _profile: profile,
+            profile,
         };
         let watch = json!({ "source": format!("{WATCH}\n{script}") });
         page.driver
@@ -174,6 +174,11 @@ impl Page {
     pub fn asked_for(&self, path: &str) -> bool {
         let asked = self.asked.lock().expect("no test panicked in between");
         asked.iter().any(|other| other == path)
+    }
+
+    /// The folder of the browser's profile, which its processes name.
+    pub fn profile(&self) -> &Path {
+        self.profile.path()
     }
 
     /// The value of a JavaScript expression.

@@ -1,0 +1,560 @@
+//! What can be dropped on the page, and what can be corrected then; against the `tracklens` command on the same files.
+
+mod browser;
+
+use std::fs;
+use std::io::{Cursor, Write as _};
+use std::path::{Path, PathBuf};
+
+use browser::{Page, example, tracklens};
+use serde_json::Value;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+/// Relative, of errors: f32 convolutions differ in the last digits between native and WebAssembly kernels.
+const ERRORS: f64 = 1e-6;
+
+/// Frames, ground truth and checkpoint of the example.
+fn inputs() -> [String; 3] {
+    ["frames", "ground_truth.csv", "checkpoint.safetensors"].map(|name| text(&example(name)))
+}
+
+fn text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_slice(&tracklens(&[arguments, &["--json"]].concat())).expect("JSON")
+}
+
+fn evaluation_of_the_example() -> Value {
+    let [frames, truth, checkpoint] = inputs();
+    json(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &truth,
+    ])
+}
+
+/// The errors on the page are those of an evaluation of the command.
+async fn shows(page: &Page, expected: &Value, tolerance: f64) {
+    page.until_scored().await;
+    for object in expected["objects"].as_array().expect("objects") {
+        let card = format!(
+            "document.querySelector('.card[data-object={}]')?.dataset.error",
+            object["name"]
+        );
+        let error = object["error"].as_f64().expect("a number");
+        page.until(&format!(
+            "Math.abs(Number({card}) - {error}) <= {tolerance} * {error}"
+        ))
+        .await;
+    }
+}
+
+/// Files for an archive, by path.
+type Files = Vec<(String, Vec<u8>)>;
+
+fn files_of(folder: &Path, prefix: &str) -> Files {
+    let mut files = Vec::new();
+    let mut entries: Vec<PathBuf> = fs::read_dir(folder)
+        .expect("a folder")
+        .map(|e| e.expect("an entry").path())
+        .collect();
+    entries.sort();
+    for path in entries {
+        let name = format!("{prefix}{}", path.file_name().expect("a name").to_string_lossy());
+        match path.is_dir() {
+            true => files.extend(files_of(&path, &format!("{name}/"))),
+            false => files.push((name, fs::read(&path).expect("a file"))),
+        }
+    }
+    files
+}
+
+fn archive(files: &[(String, Vec<u8>)], method: CompressionMethod) -> Vec<u8> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(method);
+    for (name, content) in files {
+        zip.start_file(name, options).expect("an entry");
+        zip.write_all(content).expect("written");
+    }
+    zip.finish().expect("an archive").into_inner()
+}
+
+/// A folder for the files of a test.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a folder"))
+    }
+
+    fn put(&self, name: &str, content: &[u8]) -> PathBuf {
+        let path = self.0.path().join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        fs::write(&path, content).expect("written");
+        path
+    }
+}
+
+/// Chooses in the corrections of a file.
+async fn correct(page: &Page, role: &str, name: &str, value: &str) {
+    page.until(&format!(
+        "document.querySelector('#files [data-role={role}] select[name={name}]')"
+    ))
+    .await;
+    page.value(&format!(
+        "(() => {{ const select = document.querySelector('#files [data-role={role}] select[name={name}]'); \
+         select.value = '{value}'; select.dispatchEvent(new Event('change', {{ bubbles: true }})); }})()"
+    ))
+    .await;
+}
+
+/// The text of the page's list of files.
+const FILES: &str = "document.querySelector('#files').textContent";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_archive_of_folders_and_of_archives_scores_as_the_folder() {
+    let [_, truth, checkpoint] = inputs().map(PathBuf::from);
+    let frames = files_of(&example("frames"), "deep/in/the/frames/");
+    // Half of the files lie in an archive in the archive.
+    let (first, second) = frames.split_at(frames.len() / 2);
+    let inner = archive(first, CompressionMethod::Stored);
+    let mut outer = second.to_vec();
+    outer.push(("deep/in/the.zip".to_owned(), inner));
+    outer.push((
+        "tables/ground_truth.csv".to_owned(),
+        fs::read(&truth).expect("a table"),
+    ));
+    outer.push(("__MACOSX/tables/._ground_truth.csv".to_owned(), vec![0; 20]));
+    let folder = Folder::new();
+    let zip = folder.put("run.zip", &archive(&outer, CompressionMethod::Deflated));
+    let page = Page::open().await;
+    page.pick(&[&zip, &checkpoint]).await;
+    shows(&page, &evaluation_of_the_example(), ERRORS).await;
+    let frames_shown = page
+        .number("document.querySelector('#files [data-role=image]').dataset.frames")
+        .await;
+    assert_eq!(frames_shown, frames.len() as f64);
+    page.until("document.querySelector('#stage').dataset.picture?.includes('run.zip/')")
+        .await;
+    // All that came out of it goes with it.
+    page.value("document.querySelector('#files [data-role=archive] .icon-button').click()")
+        .await;
+    page.until("!document.querySelector('#files [data-role=image]')")
+        .await;
+    page.until("!document.querySelector('#files [data-role=ground-truth]')")
+        .await;
+    page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')")
+        .await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn recordings_score_as_in_the_terminal_stored_and_packed() {
+    let [frames, _, checkpoint] = inputs();
+    let folder = Folder::new();
+    let npz = folder.0.path().join("push.npz");
+    tracklens(&["data", "convert", &frames, &text(&npz), "--truth", &inputs()[1]]);
+    let expected = json(&["eval", "--checkpoint", &checkpoint, "--frames", &text(&npz)]);
+    let page = Page::open().await;
+    page.pick(&[&npz, Path::new(&checkpoint)]).await;
+    shows(&page, &expected, ERRORS).await;
+    page.until("document.querySelector('#stage').dataset.picture?.startsWith('push.npz/seq_')")
+        .await;
+    page.until(&format!("{FILES}.includes('a guess')")).await;
+
+    // The same arrays packed, as np.savez_compressed does, and in an archive.
+    let mut stored = ZipArchive::new(fs::File::open(&npz).expect("a file")).expect("an archive");
+    let mut arrays = Files::new();
+    for i in 0..stored.len() {
+        let mut entry = stored.by_index(i).expect("an array");
+        let mut content = Vec::new();
+        std::io::copy(&mut entry, &mut content).expect("read");
+        arrays.push((entry.name().to_owned(), content));
+    }
+    let packed = archive(&arrays, CompressionMethod::Deflated);
+    let zip = archive(&[("in/packed.npz".to_owned(), packed)], CompressionMethod::Stored);
+    page.value("document.querySelector('#start-over').click()").await;
+    page.pick(&[&folder.put("recordings.zip", &zip), Path::new(&checkpoint)])
+        .await;
+    shows(&page, &expected, ERRORS).await;
+
+    // Points with their coordinates swapped score as the terminal's do.
+    let swapped = json(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &text(&npz),
+        "--axis-order",
+        "yx",
+    ]);
+    correct(&page, "ground-truth", "axisOrder", "yx").await;
+    shows(&page, &swapped, ERRORS).await;
+
+    // Frames that are not understood do not take the points with them.
+    let broken: Files = arrays
+        .iter()
+        .map(|(name, content)| match name.as_str() {
+            "images.npy" | "frames.npy" => (name.clone(), content[..content.len() - 10].to_vec()),
+            _ => (name.clone(), content.clone()),
+        })
+        .collect();
+    page.value("document.querySelector('#start-over').click()").await;
+    page.pick(&[&folder.put("cut.npz", &archive(&broken, CompressionMethod::Stored))])
+        .await;
+    page.until_text("is the file complete?").await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=used]')")
+        .await;
+    page.close().await;
+}
+
+/// The ground truth of the example with one row a frame, in pixels of 256 x 256, (y, x), frames from 1.
+fn odd_table() -> String {
+    let table = fs::read_to_string(example("ground_truth.csv")).expect("a table");
+    let mut rows: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
+    let mut names: Vec<String> = Vec::new();
+    for line in table.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let frame: u64 = fields[1].parse().expect("a frame");
+        let key = format!("{},{}", fields[0], frame + 1);
+        if !names.contains(&fields[2].to_owned()) {
+            names.push(fields[2].to_owned());
+        }
+        let px = |text: &str| (text.parse::<f64>().expect("a number") + 1.0) * 128.0 - 0.5;
+        let point = [px(fields[4]), px(fields[3])];
+        match rows.last_mut() {
+            Some((last, points)) if *last == key => points.push(point),
+            _ => rows.push((key, vec![point])),
+        }
+    }
+    let columns: Vec<String> = names.iter().map(|n| format!("{n}_x,{n}_y")).collect();
+    let mut out = format!("sequence,frame,{}\n", columns.join(","));
+    for (key, points) in rows {
+        let points: Vec<String> = points.iter().map(|[a, b]| format!("{a},{b}")).collect();
+        out += &format!("{key},{}\n", points.join(","));
+    }
+    out
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn guesses_are_marked_and_can_be_corrected() {
+    let [frames, _, checkpoint] = inputs();
+    let folder = Folder::new();
+    let odd = odd_table();
+    let truth = folder.put("odd.csv", odd.as_bytes());
+    let page = Page::open().await;
+    // The table comes first, when the size of the images is not known.
+    page.pick(&[&truth]).await;
+    page.until("document.querySelector('#files [data-role=ground-truth] .guess')")
+        .await;
+    page.until_text("are these pixels?").await;
+    correct(&page, "ground-truth", "space", "px").await;
+    page.until_text("the size of the images is not known").await;
+    page.pick_folder(Path::new(&frames)).await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=used]')")
+        .await;
+    correct(&page, "ground-truth", "axisOrder", "yx").await;
+    page.until("document.querySelector('#join').dataset.unmatchedRows > 0")
+        .await;
+    correct(&page, "ground-truth", "indexBase", "1").await;
+    page.until("document.querySelector('#join').dataset.unmatchedRows === '0'")
+        .await;
+    let said = "[...document.querySelectorAll('#files [data-role=ground-truth] .choice')].map((c) => c.dataset.by).join()";
+    page.until(&format!("{said} === 'guess,said,said,said'")).await;
+    page.pick(&[Path::new(&checkpoint)]).await;
+    let expected = json(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &text(&truth),
+        "--space",
+        "px",
+        "--axis-order",
+        "yx",
+        "--index-base",
+        "1",
+    ]);
+    shows(&page, &expected, ERRORS).await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_table_taken_for_the_wrong_thing_gets_another_role() {
+    let folder = Folder::new();
+    let (mut truth, mut keypoints) = (
+        String::from("frame,cube_x,cube_y\n"),
+        String::from("frame,a_x,a_y,b_x,b_y\n"),
+    );
+    for t in 0..40 {
+        let (s, c) = (f64::from(t) * 0.37).sin_cos();
+        truth += &format!("{t},{},{}\n", 0.5 * s, 0.5 * c);
+        keypoints += &format!("{t},{},{},{},{}\n", 0.3 * c + 0.1, -s, s * s * s, 0.2 * c * s);
+    }
+    let truth = folder.put("truth/push.csv", truth.as_bytes());
+    let keypoints = folder.put("detector/push.csv", keypoints.as_bytes());
+    let page = Page::open().await;
+    page.pick(&[&truth]).await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=used]')")
+        .await;
+    page.pick(&[&folder.put("detector.csv", &fs::read(&keypoints).expect("a table"))])
+        .await;
+    page.until("document.querySelector('#files [data-state=spare]')")
+        .await;
+    page.value(
+        "(() => { const select = document.querySelector('#files [data-state=spare] select[name=role]'); \
+         select.value = 'keypoints'; select.dispatchEvent(new Event('change', { bubbles: true })); })()",
+    )
+    .await;
+    let expected = json(&[
+        "score",
+        "--truth",
+        &text(&truth),
+        "--keypoints",
+        &text(&keypoints),
+    ]);
+    shows(&page, &expected, 1e-12).await;
+
+    // Put away, and taken back.
+    correct(&page, "keypoints", "role", "unknown").await;
+    page.until("document.querySelector('#missing:not([hidden])')")
+        .await;
+    page.value(
+        "(() => { const select = document.querySelector('#files [data-role=unknown] select[name=role]'); \
+         select.value = 'keypoints'; select.dispatchEvent(new Event('change', { bubbles: true })); })()",
+    )
+    .await;
+    page.until("document.querySelector('#missing[hidden]')").await;
+    shows(&page, &expected, 1e-12).await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn files_are_replaced_and_removed_without_starting_over() {
+    let [_, truth, checkpoint] = inputs();
+    let folder = Folder::new();
+    for (name, content) in files_of(&example("frames"), "frames/") {
+        folder.put(&name, &content);
+    }
+    let page = Page::open().await;
+    page.pick_folder(&folder.0.path().join("frames")).await;
+    page.pick(&[Path::new(&truth), Path::new(&checkpoint)]).await;
+    shows(&page, &evaluation_of_the_example(), ERRORS).await;
+
+    // A corrected table under the same name takes the place of the first at once.
+    let other: String = fs::read_to_string(&truth)
+        .expect("a table")
+        .lines()
+        .filter(|line| !line.contains(",eef,"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    page.pick(&[&folder.put("ground_truth.csv", other.as_bytes())])
+        .await;
+    page.until("document.querySelectorAll('.card').length === 2")
+        .await;
+    page.until_text("replaces the file of the same path").await;
+
+    // A sequence is removed from the list, and the rest scored without extracting anything again.
+    let matched = page
+        .number("document.querySelector('#join').dataset.matched")
+        .await;
+    page.value("document.querySelector('[data-key=sequences] summary').click()")
+        .await;
+    page.until("document.querySelector('[data-key=sequences] .row .icon-button')")
+        .await;
+    page.value("document.querySelector('[data-key=sequences] .row .icon-button').click()")
+        .await;
+    page.until(&format!(
+        "document.querySelector('#join').dataset.matched < {matched}"
+    ))
+    .await;
+    page.until_scored().await;
+    // The rows that lost their frames are listed, all of them.
+    page.value("document.querySelector('[data-key=\"unmatched rows\"] summary').click()")
+        .await;
+    page.until("document.querySelector('[data-key=\"unmatched rows\"] .row .row-detail')?.textContent.startsWith('0–')")
+        .await;
+
+    // Other images under the same paths: told, and undone.
+    let name = files_of(&example("frames"), "frames/").pop().expect("an image").0;
+    let images = files_of(&example("frames"), "frames/");
+    folder.put(&name, &images[0].1);
+    page.pick_folder(&folder.0.path().join("frames")).await;
+    page.until_text("took the place of those with the same path")
+        .await;
+    page.value("document.querySelector('#problems [data-problem=replaced] button.link').click()")
+        .await;
+    page.until("!document.querySelector('#problems [data-problem=replaced]')")
+        .await;
+    page.until_scored().await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
+    let folder = Folder::new();
+    let [_, truth, _] = inputs();
+    let truth = fs::read(truth).expect("a table");
+    let page = Page::open().await;
+
+    // A bomb: 128 MB of nothing. The table beside it is used.
+    let files = [
+        ("bomb.csv".to_owned(), vec![0; 128 << 20]),
+        ("ground_truth.csv".to_owned(), truth.clone()),
+    ];
+    page.pick(&[&folder.put("bomb.zip", &archive(&files, CompressionMethod::Deflated))])
+        .await;
+    page.until_text("as a ZIP bomb does; expected at most 400 times")
+        .await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=used]')")
+        .await;
+
+    // Too many archives around it.
+    let mut nested = archive(
+        &[("ground_truth.csv".to_owned(), truth.clone())],
+        CompressionMethod::Stored,
+    );
+    for _ in 0..3 {
+        nested = archive(&[("inner.zip".to_owned(), nested)], CompressionMethod::Deflated);
+    }
+    page.pick(&[&folder.put("nested.zip", &nested)]).await;
+    page.until_text("lies in 3 other archives; expected at most 2")
+        .await;
+
+    // Cut short, and damaged inside.
+    let mut whole = archive(
+        &[("kp.csv".to_owned(), truth.clone())],
+        CompressionMethod::Deflated,
+    );
+    page.pick(&[&folder.put("cut.zip", &whole[..whole.len() - 30])])
+        .await;
+    page.until_text("its directory, at the end, is missing").await;
+    for byte in &mut whole[60..120] {
+        *byte ^= 0x55;
+    }
+    page.pick(&[&folder.put("damaged.zip", &whole)]).await;
+    page.until_text("damaged.zip/kp.csv cannot be unpacked").await;
+
+    // Two entries of the same path.
+    let mut twice = archive(
+        &[
+            ("one/gt.csv".to_owned(), truth.clone()),
+            ("two/gt.csv".to_owned(), truth),
+        ],
+        CompressionMethod::Stored,
+    );
+    let at: Vec<usize> = twice
+        .windows(7)
+        .enumerate()
+        .filter(|(_, w)| w == b"two/gt.")
+        .map(|(i, _)| i)
+        .collect();
+    for start in at {
+        twice[start..start + 3].copy_from_slice(b"one");
+    }
+    page.pick(&[&folder.put("twice.zip", &twice)]).await;
+    page.until_text("had the path of another one in the same drop: twice.zip/one/gt.csv")
+        .await;
+
+    // No archive at all, by its content.
+    page.pick(&[&folder.put("text.zip", b"sequence,frame")]).await;
+    page.until_text("text.zip: not a whole ZIP archive").await;
+    page.close().await;
+}
+
+/// Makes a video of a sequence of the example in the page, and drops it there.
+const DROP_VIDEO: &str = "(async () => { \
+  const { BufferTarget, CanvasSource, Output, WebMOutputFormat } = await import('./vendor/mediabunny.js'); \
+  const target = new BufferTarget(); \
+  const output = new Output({ format: new WebMOutputFormat(), target }); \
+  const canvas = new OffscreenCanvas(256, 256); \
+  const context = canvas.getContext('2d'); \
+  const source = new CanvasSource(canvas, { codec: 'vp8', bitrate: 8e6 }); \
+  output.addVideoTrack(source, { frameRate: 10 }); \
+  await output.start(); \
+  for (let i = 0; i < 10; i++) { \
+    const image = await fetch(`example/frames/seq_0002/frame_00${i}.png`); \
+    context.drawImage(await createImageBitmap(await image.blob()), 0, 0); \
+    await source.add(i / 10, 0.1); \
+  } \
+  await output.finalize(); \
+  globalThis.__video = new File([target.buffer], 'seq_0002.webm'); \
+})().catch((error) => { globalThis.__complaints.push(String(error)); }), null";
+
+const PICK_VIDEO: &str = "(() => { \
+  const transfer = new DataTransfer(); \
+  transfer.items.add(globalThis.__video); \
+  const input = document.querySelector('#input-files'); \
+  input.files = transfer.files; \
+  input.dispatchEvent(new Event('change')); })()";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
+    let [_, truth, checkpoint] = inputs();
+    let page = Page::open().await;
+    page.value(DROP_VIDEO).await;
+    page.until("globalThis.__video || globalThis.__complaints.length")
+        .await;
+    page.value(PICK_VIDEO).await;
+    page.until("document.querySelector('#files [data-role=image]')?.dataset.frames === '10'")
+        .await;
+    page.pick(&[Path::new(&truth), Path::new(&checkpoint)]).await;
+    page.until_scored().await;
+    let card = "document.querySelector('.card').dataset.frames";
+    assert_eq!(page.number(card).await, 10.0);
+    let matched = page
+        .number("document.querySelector('#join').dataset.matched")
+        .await;
+    assert_eq!(matched, 10.0);
+    page.until("document.querySelector('#stage').dataset.picture === 'seq_0002/frame_000000'")
+        .await;
+    // Its frames are those it was made of, but for what packing them lost.
+    let folder = Folder::new();
+    for (name, content) in files_of(&example("frames/seq_0002"), "frames/seq_0002/") {
+        folder.put(&name, &content);
+    }
+    let frames = text(&folder.0.path().join("frames"));
+    let expected = json(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &truth,
+    ]);
+    let eef = expected["objects"]
+        .as_array()
+        .expect("objects")
+        .iter()
+        .find(|o| o["name"] == "eef");
+    let error = eef.and_then(|o| o["error"].as_f64()).expect("an error");
+    let shown = page
+        .number("document.querySelector('.card[data-object=eef]').dataset.error")
+        .await;
+    assert!(
+        (shown - error).abs() < 0.3 * error + 1e-3,
+        "{shown} of the video, {error} of its frames"
+    );
+
+    // The same video in a browser that has no decoder for it, and something that is none.
+    page.value(
+        "(() => { VideoDecoder.isConfigSupported = async (config) => ({ supported: false, config }); })()",
+    )
+    .await;
+    page.value(PICK_VIDEO).await;
+    page.until_text("which this browser cannot decode. Convert it")
+        .await;
+    page.pick(&[&folder.put("none.mp4", &[7; 4000])]).await;
+    page.until_text("none.mp4 is not a whole video").await;
+    page.close().await;
+}
