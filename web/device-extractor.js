@@ -88,7 +88,7 @@ export class DeviceExtractor extends EventTarget {
   }
 
   /**
-   * @param {Source} checkpoint
+   * @param {{ path: string, blob: Blob }} checkpoint
    * @returns {Promise<OpenEncoder>}
    */
   async open(checkpoint) {
@@ -155,7 +155,7 @@ class DeviceEncoder {
 
   /**
    * @param {DeviceExtractor} devices
-   * @param {Source} checkpoint
+   * @param {{ path: string, blob: Blob }} checkpoint
    * @param {OpenEncoder} cpu
    */
   constructor(devices, checkpoint, cpu) {

@@ -4,11 +4,11 @@
 import init, { Gpu } from "./pkg/gpu.js";
 
 /**
- * @typedef {import("./files.js").Source} Source
+ * @typedef {{ path: string, blob: Blob }} File
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./pkg/gpu.js").GpuEncoder} GpuEncoder
  * @typedef {import("./pkg/gpu.js").GpuFrame} GpuFrame
- * @typedef {{ id: number } & ({ type: "open", checkpoint: Source } | { type: "extract", frames: Source[] })} Request
+ * @typedef {{ id: number } & ({ type: "open", checkpoint: File } | { type: "extract", frames: (File | null)[] })} Request
  * @typedef {{ id: number } & ({ type: "opened" }
  *   | { type: "extracted", found: (Extracted | null)[], ms: number }
  *   | { type: "failed", message: string })} Reply
@@ -38,7 +38,7 @@ self.onmessage = async (/** @type {MessageEvent<Request>} */ { data }) => {
   }
 };
 
-/** @param {Source} checkpoint */
+/** @param {File} checkpoint */
 async function open(checkpoint) {
   if (!gpu) {
     await init();
@@ -54,7 +54,7 @@ async function open(checkpoint) {
 /**
  * The keypoints of frames, `null` for those that have none here: the CPU says why, or finds them. While the GPU computes,
  * the next request is decoded.
- * @param {Source[]} frames
+ * @param {(File | null)[]} frames
  */
 async function extract(frames) {
   const start = performance.now();
@@ -63,7 +63,7 @@ async function extract(frames) {
   /** @type {{ index: number, frame: GpuFrame }[]} */
   const prepared = [];
   for (const [index, frame] of frames.entries()) {
-    const ready = await prepare(frame);
+    const ready = frame && (await prepare(frame));
     if (ready) prepared.push({ index, frame: ready });
   }
   while (encoder && prepared.length > 0) {
@@ -77,7 +77,7 @@ async function extract(frames) {
   return { found, ms: performance.now() - start };
 }
 
-/** @param {Source} frame */
+/** @param {File} frame */
 async function prepare(frame) {
   if (!encoder) throw new Error("no checkpoint was opened");
   try {
@@ -89,7 +89,7 @@ async function prepare(frame) {
   }
 }
 
-/** @param {Source} source */
+/** @param {File} file */
 async function bytesOf({ blob }) {
   return new Uint8Array(await blob.arrayBuffer());
 }

@@ -1,8 +1,11 @@
 // @ts-check
 /** The GPU: whether the browser has one for us, and the worker that computes on it. */
 
+import { blobOf } from "./files.js";
+
 /**
  * @typedef {import("./files.js").Source} Source
+ * @typedef {import("./gpu-worker.js").File} File
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./gpu-worker.js").Reply} Reply
  *
@@ -60,7 +63,7 @@ export class GpuWorker {
 
   /**
    * Opens a checkpoint in place of the one before.
-   * @param {Source} checkpoint
+   * @param {File} checkpoint
    * @param {AbortSignal} signal
    */
   async open(checkpoint, signal) {
@@ -74,7 +77,10 @@ export class GpuWorker {
    * @returns {Promise<{ found: (Extracted | null)[], ms: number }>}
    */
   async extract(frames, signal) {
-    const reply = await this.#ask({ type: "extract", frames }, signal);
+    // What cannot be unpacked has no keypoints here; the CPU says why.
+    const file = async (/** @type {Source} */ frame) => ({ path: frame.path, blob: await blobOf(frame) });
+    const files = await Promise.all(frames.map((frame) => file(frame).catch(() => null)));
+    const reply = await this.#ask({ type: "extract", frames: files }, signal);
     if (reply.type !== "extracted") throw new Error("the worker answered out of turn");
     return reply;
   }
@@ -88,7 +94,7 @@ export class GpuWorker {
   }
 
   /**
-   * @param {{ type: "open", checkpoint: Source } | { type: "extract", frames: Source[] }} request
+   * @param {{ type: "open", checkpoint: File } | { type: "extract", frames: (File | null)[] }} request
    * @param {AbortSignal} signal
    * @returns {Promise<Reply>}
    */
