@@ -19,6 +19,7 @@ import { count } from "./format.js";
  * @typedef {object} Entry
  * @property {string} path
  * @property {Source} source
+ * @property {Blob} blob the content; empty where it could not be unpacked
  * @property {Slot | "unknown"} role
  * @property {boolean} isGuess whether the role rests on nothing but the usual case
  * @property {boolean} isSaid whether the user said what it is
@@ -196,6 +197,7 @@ function entryOf(source, role, reason, isGuess) {
   return {
     path: source.path,
     source,
+    blob: "blob" in source ? source.blob : new Blob(),
     role,
     isGuess,
     isSaid: false,

@@ -202,3 +202,73 @@ impl Content {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::io::Read;
+    use std::net::TcpStream;
+
+    #[test]
+    fn files_are_sent_compressed_and_noted_and_results_arrive() -> Result<()> {
+        let folder = tempfile::TempDir::new()?;
+        let (site, made) = (folder.path().join("site"), folder.path().join("made"));
+        for (file, content) in [
+            (
+                site.join("index.html"),
+                "<script type=\"module\" src=\"main.js\"></script>".to_owned(),
+            ),
+            (site.join("pkg/a.wasm"), "\0".repeat(1 << 20)),
+            (made.join("w.safetensors"), "weights".to_owned()),
+            (folder.path().join("secret"), "secret".to_owned()),
+        ] {
+            std::fs::create_dir_all(file.parent().context("a folder")?)?;
+            std::fs::write(file, content)?;
+        }
+        let server = Server::start(
+            HashMap::from([("", site), ("made", made)]),
+            "bench/first.js",
+            true,
+        )?;
+        let exchange = |request: &str, body: &str| -> Result<String> {
+            let mut stream = TcpStream::connect(server.address().trim_start_matches("http://"))?;
+            write!(
+                stream,
+                "{request} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{body}",
+                body.len()
+            )?;
+            let mut answer = Vec::new();
+            stream.read_to_end(&mut answer)?;
+            Ok(String::from_utf8_lossy(&answer).to_lowercase())
+        };
+        let page = exchange("GET /?tables", "")?;
+        assert!(page.contains("content-type: text/html") && page.contains("content-encoding: gzip"));
+        assert!(page.contains("cross-origin-embedder-policy: require-corp"));
+        exchange("POST /mark", "{}")?;
+        assert!(exchange("GET /pkg/a.wasm", "")?.contains("content-type: application/wasm"));
+        assert!(exchange("GET /made/w.safetensors", "")?.ends_with("\r\n\r\nweights"));
+        for path in ["/missing", "/../secret", "/made/../secret"] {
+            assert!(
+                exchange(&format!("GET {path}"), "")?.starts_with("http/1.1 404 "),
+                "{path}"
+            );
+        }
+        exchange("POST /result", "{\"tc\":1}")?;
+        assert_eq!(server.results().recv()?, "{\"tc\":1}");
+
+        let (sent, before) = server.take_sent();
+        let paths: Vec<&str> = sent.iter().map(|(path, _)| path.as_str()).collect();
+        assert_eq!(paths, ["index.html", "pkg/a.wasm", "made/w.safetensors"]);
+        assert_eq!(before, 1);
+        assert!(sent[1].1 < 2000, "{}", sent[1].1);
+        let (_, page) = server.shared.content("index.html").context("the page")?;
+        let mut text = String::new();
+        flate2::read::GzDecoder::new(&page.bytes[..]).read_to_string(&mut text)?;
+        assert!(
+            text.starts_with("<script type=\"module\" src=\"bench/first.js\"></script><script"),
+            "{text}"
+        );
+        Ok(())
+    }
+}
