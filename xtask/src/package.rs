@@ -147,6 +147,8 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
             .folder(workspace)
             .join(part.profile)
             .join("tracklens.wasm");
+        // wasm-opt would take minutes for the large one.
+        let optimiser = optimiser.as_ref().filter(|_| part.profile != GPU.profile);
         let stamp = Stamp::new(part, &compiled, optimiser.is_some())?;
         let stamp_file = workspace.tools().join(format!("{}.stamp", part.name));
         let last = fs::read_to_string(&stamp_file).ok();
@@ -154,7 +156,7 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
             eprintln!("{} is up to date", package.join(part.wasm()).display());
             continue;
         }
-        generate(part, &compiled, optimiser.as_ref(), &package)?;
+        generate(part, &compiled, optimiser, &package)?;
         let stamp = stamp.complete(&package)?;
         fs::create_dir_all(workspace.tools())
             .and_then(|()| fs::write(&stamp_file, stamp))
