@@ -214,6 +214,8 @@ export interface EncoderInfo {
   /** Width and height frames are resized to, or `null`: taken as they are. */
   inputSize: [number, number] | null;
   encoderChannels: number[];
+  /** Whether the file holds a {@link Decoder} as well. */
+  decoder: boolean;
   /** All sizes, as JSON; for {@link latentToImage}. */
   config: string;
   /** The free-form metadata of the file. */
@@ -227,6 +229,16 @@ export interface Extraction {
   /** Size of the image. */
   width: number;
   height: number;
+  free(): void;
+}
+
+/** The softmax of one keypoint's last feature map; the keypoint is the mean position under it. */
+export interface HeatMap {
+  /** Columns and rows. The centres of the border cells are -1 and +1 of the latent space. */
+  readonly width: number;
+  readonly height: number;
+  /** Row by row from the top; their sum is 1. */
+  readonly weights: Float32Array;
   free(): void;
 }
 
@@ -245,6 +257,20 @@ export class Encoder {
   readonly info: EncoderInfo;
   /** Decodes a PNG, JPEG or WebP image, or a numpy array of a frame (`.npy`), and extracts its keypoints. */
   extract(image: Uint8Array, name: string): Extraction;
+  /** Decodes an image and gives the weights behind one of its keypoints. */
+  heatMap(image: Uint8Array, name: string, keypoint: number): HeatMap;
+  free(): void;
+}
+
+/** The decoder of a checkpoint, which makes an image of keypoints, as it was trained to. Part `extraction`. */
+export class Decoder {
+  private constructor();
+  /** Undefined when the checkpoint holds only an encoder. */
+  static open(bytes: Uint8Array, name: string): Decoder | undefined;
+  readonly width: number;
+  readonly height: number;
+  /** The image (width x height pixels of red, green, blue, alpha) that comes of the N x 2 latent points of one frame. */
+  reconstruct(points: Float64Array): Uint8Array;
   free(): void;
 }
 
@@ -313,6 +339,22 @@ export interface Series {
   transformed: Float64Array;
 }
 
+/** How far a keypoint under its map is from an object in one sequence. */
+export interface SequenceError {
+  sequence: string;
+  /** Its joined frames. */
+  start: number;
+  length: number;
+  /** Frames in which the object is visible. */
+  frames: number;
+  /** The mean squared distance over these, ndc. */
+  error: number;
+  /** The joined frame with the largest squared distance, its number in the sequence, and that distance. */
+  worst: number;
+  worstFrame: number;
+  worstError: number;
+}
+
 /** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
 export class Scoring {
   /** @param onNonFinite what to do with frames in which a keypoint is not finite; default `error`. */
@@ -332,6 +374,12 @@ export class Scoring {
   /** For each joined frame the position of its image in `frames`, or -1. */
   imagesFrom(frames: FrameIndex): Int32Array;
   evaluate(options?: ScoreOptions): Evaluation;
+  /** The error of `object` with `keypoint` by the sequence, the worst one first; sequences that do not show it are left out. */
+  sequenceErrors(object: number, keypoint: number, options?: ScoreOptions): SequenceError[];
+  /** The squared distance in every joined frame; NaN where the object is not visible. Their mean is the tracking error. */
+  distances(object: number, keypoint: number, options?: ScoreOptions): Float64Array;
+  /** The keypoints of a joined frame as they are, N x 2. */
+  keypointsAt(frame: number): Float64Array;
   /** The points of object `object` and keypoint `keypoint` under the map of `options`. */
   series(object: number, keypoint: number, options?: ScoreOptions): Series;
   free(): void;
@@ -356,6 +404,8 @@ export interface LineFigure {
   series: LineSeries[];
   /** Position (index into the values) of a vertical marker, or `null`. */
   cursor: number | null;
+  /** Whether the y axis starts at 0; default `false`. */
+  fromZero?: boolean;
   /** CSS hex colours. */
   foreground: string;
   background: string;
@@ -364,7 +414,19 @@ export interface LineFigure {
   fontSize: number;
 }
 
-/** Draws a figure over the whole of a canvas (browser only). */
-export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): void;
+/** Where a figure has its axes, in canvas pixels: frames `start` to `end` from `left` to `right`, `low` to `high` upwards. */
+export interface PlotArea {
+  left: number;
+  right: number;
+  top: number;
+  bottom: number;
+  start: number;
+  end: number;
+  low: number;
+  high: number;
+}
+
+/** Draws a figure over the whole of a canvas (browser only) and says where its axes are. */
+export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): PlotArea;
 /** The same figure as an SVG document. */
 export function linesToSvg(figure: LineFigure, width: number, height: number): string;

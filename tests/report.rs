@@ -1,13 +1,16 @@
 //! `tracklens report` by the real binary on run folders that the tests write.
 
+#[path = "shared/runs.rs"]
+mod runs;
+
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use runs::{config, error, sweep, write_run};
+
 use serde_json::{Value, json};
 use tracklens::metric::stats::{Sample, trimmed_mean};
-
-const OBJECTS: [&str; 2] = ["cube", "eef"];
 
 fn report(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tracklens"))
@@ -23,73 +26,6 @@ fn stderr(output: &Output) -> String {
 
 fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
-}
-
-/// The error of an object in a run at its end.
-fn error(architecture: &str, seed: u64, object: usize) -> f64 {
-    let base = if architecture == "basic" { 0.04 } else { 0.004 };
-    base * (1.0 + ((seed * 7 + object as u64 * 3) % 5) as f64 / 4.0) * (1.0 + 9.0 * object as f64)
-}
-
-fn config(architecture: &str, seed: u64, epochs: u32) -> Value {
-    json!({
-        "version": "0.1.0", "git_hash": null, "burn": "0.22.1", "target": "x86_64-linux", "threads": 1,
-        "sae": {
-            "architecture": architecture, "keypoints": 16, "encoder_channels": [32, 64, 128],
-            "encoder_kernels": [3, 3, 3], "decoder_channels": [64, 32, 16], "decoder_kernels": [3, 3, 3],
-            "input_size": null, "target_size": [64, 64], "temperature": 1.0, "trained_temperature": false, "sigma": 0.1,
-            "sigma_per_keypoint": false, "sigma_limit": null
-        },
-        "epochs": epochs, "seed": seed, "batch": 8, "learning_rate": 0.001, "noise": 0.001,
-        "split": { "training": 0.5, "validation": 0.25 }, "velocity_weight": 0.0, "drop_last": true,
-        "validation_frames": "first", "target_filter": "bilinear", "input_size": [64, 64], "objects": OBJECTS,
-        "training_sequences": ["a", "b"], "validation_sequences": ["c"]
-    })
-}
-
-fn write_run(folder: &Path, architecture: &str, seed: u64, epochs: u32) {
-    fs::create_dir_all(folder).expect("a folder");
-    let mut log = String::new();
-    for epoch in 1..=epochs {
-        let factor = 1.0 + f64::from(epochs - epoch) / 3.0;
-        let errors: Value = OBJECTS
-            .iter()
-            .enumerate()
-            .map(|(k, name)| ((*name).to_owned(), json!(error(architecture, seed, k) * factor)))
-            .collect::<serde_json::Map<_, _>>()
-            .into();
-        let losses = json!({ "total": 0.01 * factor, "reconstruction": 0.01 * factor, "velocity": 0.0 });
-        let line = json!({
-            "epoch": epoch, "seconds": 1.5, "training": losses, "validation": losses, "tc": 0.5,
-            "errors": { "affine": errors, "identity": errors, "scale-translate": errors }
-        });
-        log += &format!("{line}\n");
-    }
-    let summary = json!({
-        "version": "0.1.0", "interrupted": false, "epochs": epochs, "best_epoch": epochs, "seconds": 9.0,
-        "last": null, "evaluation": null
-    });
-    fs::write(
-        folder.join("config.json"),
-        config(architecture, seed, epochs).to_string(),
-    )
-    .expect("written");
-    fs::write(folder.join("log.jsonl"), log).expect("written");
-    fs::write(folder.join("summary.json"), summary.to_string()).expect("written");
-}
-
-/// Two architectures of five runs, as a sweep leaves them.
-fn sweep(folder: &Path) {
-    for architecture in ["basic", "keynet-vel-std-bg"] {
-        for seed in 0..5 {
-            write_run(
-                &folder.join(format!("{architecture}/seed-{seed:02}")),
-                architecture,
-                seed,
-                4,
-            );
-        }
-    }
 }
 
 fn read(folder: &Path) -> Value {
@@ -141,7 +77,9 @@ fn the_numbers_are_the_statistics_of_the_runs() {
 
     let rows = fs::read_to_string(out.join("runs.csv")).expect("a table");
     assert_eq!(rows.lines().count(), 11);
-    assert!(rows.starts_with("group,run,seed,tc,reconstruction,error_cube,error_eef\n"));
+    assert!(rows.starts_with(
+        "group,run,architecture,seed,epochs,complete,tc,reconstruction,error_cube,error_eef,reason\n"
+    ));
     assert_eq!(
         fs::read_to_string(out.join("errors.csv"))
             .expect("a table")
@@ -167,6 +105,20 @@ fn the_numbers_are_the_statistics_of_the_runs() {
         // There is ink in the row of the legend (five letters have some 80 dark pixels): its text does not hang on the fonts
         // of the machine.
         assert!(png > 50, "{name}: {png} dark pixels in the legend");
+    }
+
+    // Every statistic of the errors is in every table.
+    let markdown = fs::read_to_string(out.join("report.md")).expect("a report");
+    let sample =
+        Sample::of(&(0..5).map(|seed| error("basic", seed, 0)).collect::<Vec<_>>()).expect("a sample");
+    let [_, q1, median, q3, _] = sample.quartiles;
+    let row = format!(
+        "| basic | cube | {:.4} | {:.2e} | {median:.4} | {q1:.4}–{q3:.4} |",
+        sample.mean, sample.variance
+    );
+    assert!(markdown.contains(&row), "{row} in {markdown}");
+    for column in ["mean", "variance", "median", "quartiles"] {
+        assert!(page.contains(&format!("<th>{column}</th>")), "{column}");
     }
 
     // Given thresholds count.
@@ -264,13 +216,6 @@ fn what_cannot_be_reported_is_refused() {
         stderr(&mixed)
     );
 
-    fs::write(runs.join("c/config.json"), "{").expect("written");
-    let damaged = report(&[&text(&runs), "--out", &text(&out)]);
-    assert!(
-        stderr(&damaged).contains("c/config.json: "),
-        "{}",
-        stderr(&damaged)
-    );
     fs::remove_dir_all(runs.join("c")).expect("removed");
     let unknown = report(&[&text(&runs), "--out", &text(&out), "--threshold", "ball=1"]);
     assert!(
@@ -282,5 +227,394 @@ fn what_cannot_be_reported_is_refused() {
     fs::write(&file, "").expect("written");
     let no_folder = report(&[&text(&runs), "--out", &text(&file)]);
     assert_eq!(no_folder.status.code(), Some(1));
+    let no_setting = report(&[&text(&runs), "--out", &text(&out), "--group-by", "epoch"]);
+    assert!(
+        stderr(&no_setting)
+            .contains("has no setting `epoch` to group by; expected one of architecture, version,"),
+        "{}",
+        stderr(&no_setting)
+    );
     assert!(!out.exists(), "nothing was written");
+}
+
+#[test]
+fn failed_and_unreadable_runs_are_counted_and_shown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    sweep(&runs);
+    // One failed in the middle, one before it had a configuration, one has a configuration that nobody can read.
+    let failed = runs.join("basic/seed-05.partial");
+    write_run(&failed, "basic", 5, 4);
+    fs::remove_file(failed.join("summary.json")).expect("removed");
+    fs::write(failed.join("error.txt"), "the loss is not a number in epoch 5\n").expect("written");
+    let early = runs.join("dsae/seed-00.partial");
+    fs::create_dir_all(&early).expect("a folder");
+    fs::write(early.join("error.txt"), "data: there is no frame\n").expect("written");
+    let damaged = runs.join("keynet-vel-std-bg/seed-06");
+    write_run(&damaged, "keynet-vel-std-bg", 6, 4);
+    fs::write(damaged.join("config.json"), "{").expect("written");
+
+    let done = report(&[&text(&runs), "--out", &text(&out)]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(
+        stderr(&done).contains("10 complete runs in 2 groups, 3 more that do not count"),
+        "{}",
+        stderr(&done)
+    );
+    let page = fs::read_to_string(out.join("report.html")).expect("a page");
+    let rows = fs::read_to_string(out.join("runs.csv")).expect("a table");
+    for reason in [
+        "it failed: the loss is not a number in epoch 5, after epoch 4 of 4",
+        "it failed: data: there is no frame",
+        "config.json cannot be read: EOF while parsing an object",
+    ] {
+        assert!(stderr(&done).contains(reason), "{}", stderr(&done));
+        assert!(page.contains(reason) && rows.contains(reason), "{reason}");
+    }
+    assert!(page.contains("3 more that <a href=\"#not-counted\">do not count</a>"));
+    assert_eq!(read(&out)["unread"].as_array().map(Vec::len), Some(2));
+
+    // Nothing but such folders.
+    let none = report(&[
+        &text(&runs.join("dsae")),
+        "--out",
+        &text(&folder.path().join("none")),
+    ]);
+    assert_eq!(none.status.code(), Some(5));
+    assert!(
+        stderr(&none).contains("none of the 1 runs can be read"),
+        "{}",
+        stderr(&none)
+    );
+}
+
+#[test]
+fn runs_of_other_data_are_refused_with_the_reason() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    let with_sequences = |name: &str, architecture: &str, seed: u64, sequences: [&str; 3]| {
+        write_run(&runs.join(name), architecture, seed, 4);
+        let mut config = config(architecture, seed, 4);
+        config["training_sequences"] = json!(sequences[..2]);
+        config["validation_sequences"] = json!(sequences[2..]);
+        fs::write(runs.join(name).join("config.json"), config.to_string()).expect("written");
+    };
+    with_sequences("a", "basic", 0, ["a", "b", "c"]);
+    // Another seed divides the same sequences in another way.
+    with_sequences("b", "basic", 1, ["d", "b", "a"]);
+    assert!(report(&[&text(&runs), "--out", &text(&out)]).status.success());
+    for (architecture, seed, sequences, reason) in [
+        (
+            "dsae",
+            0,
+            ["a", "c", "b"],
+            "a and c: with one seed and split they are of different sequences",
+        ),
+        (
+            "basic",
+            2,
+            ["x", "y", "z"],
+            "a and c: they have no sequence in common",
+        ),
+    ] {
+        with_sequences("c", architecture, seed, sequences);
+        let refused = report(&[&text(&runs), "--out", &text(&out)]);
+        assert_eq!(refused.status.code(), Some(4));
+        let told = stderr(&refused).replace(&format!("{}/", text(&runs)), "");
+        assert!(
+            told.contains("2 different data sets") && told.contains(reason),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn groups_follow_settings_names_or_one_setting() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    for seed in 0..2 {
+        write_run(&runs.join(format!("short/seed-{seed}")), "basic", seed, 4);
+        write_run(&runs.join(format!("long/seed-{seed}")), "basic", seed, 6);
+        write_run(
+            &runs.join(format!("best/seed-{seed}")),
+            "keynet-vel-std-bg",
+            seed,
+            6,
+        );
+    }
+    for (by, expected) in [
+        (
+            "settings",
+            vec!["basic (epochs 4)", "basic (epochs 6)", "keynet-kp16-vel-std-bg"],
+        ),
+        ("architecture", vec!["basic", "keynet-kp16-vel-std-bg"]),
+        ("name", vec!["best", "long", "short"]),
+        ("epochs", vec!["epochs 4", "epochs 6"]),
+    ] {
+        let done = report(&[&text(&runs), "--out", &text(&out), "--group-by", by]);
+        assert!(done.status.success(), "{}", stderr(&done));
+        let found = read(&out);
+        let names: Vec<&Value> = found["groups"]
+            .as_array()
+            .expect("groups")
+            .iter()
+            .map(|g| &g["name"])
+            .collect();
+        assert_eq!(names, expected, "{by}");
+    }
+    // What a wider group hides is said.
+    let done = report(&[&text(&runs), "--out", &text(&out), "--group-by", "architecture"]);
+    let note = "basic has runs of different numbers of epochs: 4, 6";
+    assert!(stderr(&done).contains(note), "{}", stderr(&done));
+}
+
+#[test]
+fn curves_are_smoothed_as_the_paper_smooths_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    write_run(&runs, "basic", 0, 41);
+    let log = fs::read_to_string(runs.join("log.jsonl")).expect("a log");
+    let lines = log.lines().enumerate().map(|(i, line)| {
+        let mut line: Value = serde_json::from_str(line).expect("JSON");
+        line["errors"]["affine"]["cube"] = json!(if i == 20 { 1.0 } else { 0.02 });
+        format!("{line}\n")
+    });
+    fs::write(runs.join("log.jsonl"), lines.collect::<String>()).expect("written");
+    let done = report(&[&text(&runs), "--out", &text(&out)]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    // A Gaussian of 2.5 epochs leaves 0.16 of the peak: the axis ends at 1. Along the logarithm it would be 0.037, and 0.1.
+    let svg = fs::read_to_string(out.join("errors-basic.svg")).expect("a figure");
+    let cube = svg
+        .split(">\ncube\n<")
+        .nth(1)
+        .and_then(|rest| rest.split(">\neef\n<").next());
+    let cube = cube.expect("the panel of the cube");
+    assert!(cube.contains(">\n1\n<") && cube.contains(">\n0.1\n<"), "{cube}");
+}
+
+#[test]
+fn a_full_disk_is_said_and_leaves_the_last_report() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    sweep(&runs);
+    assert!(report(&[&text(&runs), "--out", &text(&out)]).status.success());
+    let before = fs::read(out.join("report.html")).expect("a page");
+    // A limit on the size of files stands for it: writing fails in the middle of a file in the same way.
+    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
+    let full = Command::new("sh")
+        .args(["-c", script, env!("CARGO_BIN_EXE_tracklens"), "report"])
+        .args([&text(&runs), "--out", &text(&out)])
+        .output()
+        .expect("a shell");
+    assert_eq!(full.status.code(), Some(1), "{}", stderr(&full));
+    assert!(stderr(&full).contains("File too large"), "{}", stderr(&full));
+    assert_eq!(fs::read(out.join("report.html")).expect("a page"), before);
+    let names = fs::read_dir(&out)
+        .expect("a folder")
+        .map(|e| e.expect("a file").file_name());
+    assert!(
+        names
+            .into_iter()
+            .all(|name| !name.to_string_lossy().starts_with(".tmp"))
+    );
+}
+
+/// The frames of the tests, and a run whose checkpoint is that of the page's example.
+fn run_with_checkpoint(folder: &Path) -> (String, String) {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push");
+    let checkpoint = Path::new(env!("CARGO_MANIFEST_DIR")).join("../web/example/checkpoint.safetensors");
+    let evaluated = Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .args([
+            "eval",
+            "--json",
+            "--quiet",
+            "--frames",
+            &text(&tests),
+            "--checkpoint",
+            &text(&checkpoint),
+        ])
+        .output()
+        .expect("the binary runs");
+    assert!(evaluated.status.success(), "{}", stderr(&evaluated));
+    let evaluation: Value = serde_json::from_slice(&evaluated.stdout).expect("JSON");
+    let run = folder.join("run");
+    write_run(&run, "basic", 0, 4);
+    let objects = json!(["cube", "target", "eef"]);
+    let mut config = config("basic", 0, 4);
+    config["objects"] = objects.clone();
+    config["training_sequences"] = json!(["seq_0000"]);
+    config["validation_sequences"] = json!(["seq_0001", "seq_0012"]);
+    fs::write(run.join("config.json"), config.to_string()).expect("written");
+    let log = fs::read_to_string(run.join("log.jsonl"))
+        .expect("a log")
+        .replace("\"cube\":", "\"target\":0.01,\"cube\":");
+    fs::write(run.join("log.jsonl"), log).expect("written");
+    let mut summary: Value =
+        serde_json::from_slice(&fs::read(run.join("summary.json")).expect("a summary")).expect("JSON");
+    summary["evaluation"] = evaluation;
+    fs::write(run.join("summary.json"), summary.to_string()).expect("written");
+    fs::copy(checkpoint, run.join("checkpoint_final.safetensors")).expect("copied");
+    (text(&run), text(&tests))
+}
+
+#[test]
+fn trajectories_are_drawn_on_their_frames() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let (run, frames) = run_with_checkpoint(folder.path());
+    let done = report(&[&run, "--out", &text(&out), "--frames", &frames]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let svg = fs::read_to_string(out.join("trajectories-basic.svg")).expect("a figure");
+    // Two validation sequences, three objects; three lines each, every one with its edge.
+    assert_eq!(svg.matches("<image ").count(), 2);
+    assert_eq!(svg.matches("<use ").count(), 6);
+    assert_eq!(svg.matches("<polyline").count(), 36);
+    for word in [
+        "seq_0001",
+        "seq_0012",
+        "cube",
+        "target",
+        "eef",
+        "tracked",
+        "ground truth",
+    ] {
+        assert!(svg.contains(word), "{word}");
+    }
+    assert!(!svg.contains("seq_0000"));
+    let page = fs::read_to_string(out.join("report.html")).expect("a page");
+    assert!(page.contains("id=\"trajectories-basic\"") && page.contains("data:image/png;base64,"));
+
+    // The frames are in the PNG: many colours, where the lines alone have four.
+    let png =
+        tracklens::data::Frame::decode(&fs::read(out.join("trajectories-basic.png")).expect("a figure"));
+    let png = png.expect("a PNG");
+    let colours: std::collections::HashSet<&[u8]> = match png.pixels() {
+        tracklens::data::Pixels::Bytes(bytes) => bytes.chunks(3).collect(),
+        tracklens::data::Pixels::Floats(_) => panic!("bytes"),
+    };
+    assert!(colours.len() > 1000, "{} colours", colours.len());
+
+    // Chosen ones, also of the training, which is said.
+    let chosen = report(&[
+        &run,
+        "--out",
+        &text(&out),
+        "--frames",
+        &frames,
+        "--sequences",
+        "seq_0000",
+    ]);
+    assert!(chosen.status.success(), "{}", stderr(&chosen));
+    let svg = fs::read_to_string(out.join("trajectories-basic.svg")).expect("a figure");
+    assert!(svg.contains("seq_0000 (trained on)") && !svg.contains("seq_0001"));
+}
+
+#[test]
+fn what_trajectories_lack_is_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let (run, frames) = run_with_checkpoint(folder.path());
+    let unknown = report(&[
+        &run,
+        "--out",
+        &text(&out),
+        "--frames",
+        &frames,
+        "--sequences",
+        "seq_9",
+    ]);
+    assert_eq!(unknown.status.code(), Some(4));
+    assert!(
+        stderr(&unknown).contains("no sequence `seq_9` among the frames"),
+        "{}",
+        stderr(&unknown)
+    );
+    let needs = report(&[&run, "--out", &text(&out), "--sequences", "seq_0001"]);
+    assert_eq!(needs.status.code(), Some(2));
+    // The tables and the other figures are made all the same.
+    fs::remove_file(Path::new(&run).join("checkpoint_final.safetensors")).expect("removed");
+    let without = report(&[&run, "--out", &text(&out), "--frames", &frames]);
+    assert!(without.status.success(), "{}", stderr(&without));
+    let told = stderr(&without);
+    assert!(
+        told.contains("warning: no trajectories of basic: ") && told.contains("checkpoint_final.safetensors"),
+        "{told}"
+    );
+    assert!(out.join("report.html").exists());
+}
+
+#[test]
+fn published_numbers_stand_beside_ours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out, file] = ["runs", "out", "published.toml"].map(|name| folder.path().join(name));
+    sweep(&runs);
+    let published = r#"
+name = "paper"
+citation = "A paper (2024)"
+setting = "24 runs"
+[architectures.basic]
+tc = 0.181
+[architectures.keynet-kp16-vel-std-bg]
+tc = 0.986
+objects = { eef = 0.958 }
+[[claims]]
+text = "The modifications help"
+place = "section 5.1"
+statistic = "mean-error"
+objects = ["cube", "eef"]
+first = "keynet-kp16-vel-std-bg"
+than = ["basic", "dsae"]
+[[claims]]
+text = "Basic is best"
+place = "nowhere"
+statistic = "tc"
+first = "basic"
+than = ["keynet-kp16-vel-std-bg"]
+"#;
+    fs::write(&file, published).expect("written");
+    let arguments = [&text(&runs), "--out", &text(&out), "--reference", &text(&file)].map(str::to_owned);
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = report(&arguments);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let found = &read(&out)["reference"];
+    assert_eq!(
+        found["own_setting"],
+        "5 runs an architecture, 4 epochs, inputs of 64 x 64 px"
+    );
+    let best = &found["rows"][1];
+    assert_eq!(
+        (&best["tc"]["published"], &best["objects"][1]["published"]),
+        (&json!(0.986), &json!(0.958))
+    );
+    assert_eq!(best["tc"]["own"], read(&out)["groups"][1]["tc"]);
+    assert_eq!(best["objects"][0]["published"], Value::Null);
+    let held: Vec<bool> = found["claims"][0]["comparisons"]
+        .as_array()
+        .expect("comparisons")
+        .iter()
+        .map(|c| c["holds"].as_bool().expect("a verdict"))
+        .collect();
+    assert_eq!(held, [true, true]);
+    let markdown = fs::read_to_string(out.join("report.md")).expect("a report");
+    assert!(
+        markdown.contains("| The modifications help | section 5.1 | mean error | holds; no runs of dsae |"),
+        "{markdown}"
+    );
+    assert!(
+        markdown.contains("| Basic is best | nowhere | mean TC | does not hold |"),
+        "{markdown}"
+    );
+    assert!(
+        markdown.contains("| 0.986 / 1.000 [") && markdown.contains("| – / 1.000"),
+        "{markdown}"
+    );
+
+    fs::write(&file, published.replace("place", "plaice")).expect("written");
+    let wrong = report(&arguments);
+    assert_eq!(wrong.status.code(), Some(3));
+    assert!(
+        stderr(&wrong).contains("line 12") && stderr(&wrong).contains("unknown field `plaice`"),
+        "{}",
+        stderr(&wrong)
+    );
 }

@@ -5,20 +5,23 @@ import { version } from "./pkg/index.js";
 import { DeviceExtractor } from "./device-extractor.js";
 import { showDevices } from "./device-view.js";
 import { announce, byId } from "./dom.js";
+import { embed, embedder } from "./embed.js";
 import { fetchExample } from "./example.js";
 import { WorkerPool } from "./extraction-pool.js";
 import { showExtraction } from "./extraction-view.js";
 import { showFiles } from "./files-view.js";
 import { fromDrop, fromInput } from "./files.js";
+import { keepOffline } from "./offline.js";
 import { showResults } from "./results.js";
 import { Session } from "./session.js";
-import { showViewer } from "./viewer.js";
+import { showViewer } from "./viewer/viewer.js";
 
 /** Starts the page; the scoring part of the package is loaded. */
 export function start() {
+  const origin = embedder();
   const allowSoftware = new URLSearchParams(location.search).get("gpu") === "software";
   const devices = new DeviceExtractor(new WorkerPool(), allowSoftware);
-  const session = new Session(devices);
+  const session = new Session(devices, { remembers: origin === null });
   showFiles(session);
   showExtraction(session);
   showDevices(session, devices);
@@ -27,6 +30,9 @@ export function start() {
   takeFiles(session);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
+  if (origin !== null) embed(session, origin);
+  if (new URLSearchParams(location.search).has("example")) void session.open(fetchExample);
+  void keepOffline();
 }
 
 /** @param {Session} session */

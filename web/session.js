@@ -11,6 +11,7 @@ import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
 import { decodeImage } from "./image-cache.js";
 import { identify, needsParsing, parseTable } from "./intake.js";
+import { load, store } from "./settings.js";
 
 /**
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
@@ -23,15 +24,20 @@ import { identify, needsParsing, parseTable } from "./intake.js";
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
- * @typedef {import("./pkg/index.js").Series} Series
+ * @typedef {import("./pkg/index.js").Series & { distances: Float64Array }} Series
  *
  * Something the user should know, with the remedy where the page has one.
  * @typedef {object} Problem
- * @property {"error" | "warning"} kind
+ * @property {"error" | "warning" | "info"} kind
  * @property {string} text
  * @property {{ label: string, run: () => void }} [action]
  */
 
+const TRANSFORMS = ["identity", "scale-translate", "affine"];
+const RANKS = ["reference", "centred"];
+const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
+/** Series of this many pairs of object and keypoint are kept. */
+const KEPT_SERIES = 8;
 /** What stays said until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced"];
 
@@ -74,7 +80,7 @@ export class Session extends EventTarget {
   /** Thresholds nobody edited, by object. @type {Record<string, number>} */
   defaultThresholds = {};
   /** @type {ScoreOptions} */
-  options = { transform: "affine", rank: "reference", thresholds: {} };
+  options;
   /** Of the joined frames. @type {string[]} */
   objects = [];
   /** The joined frames by sequence. @type {SequenceRange[]} */
@@ -87,6 +93,7 @@ export class Session extends EventTarget {
   #chosen = new Map();
 
   #extractor;
+  #remembers;
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
   /** Tells a change that everything was cleared while it waited. */
@@ -102,13 +109,18 @@ export class Session extends EventTarget {
   #pictures = [];
   /** Width and height by joined frame, or one for all; empty: not known. @type {[number, number][]} */
   #sizes = [];
-  /** @type {Map<string, Series>} */
+  /** The last ones asked for. @type {Map<string, Series>} */
   #series = new Map();
 
-  /** @param {import("./extractor.js").Extractor} extractor */
-  constructor(extractor) {
+  /**
+   * @param {import("./extractor.js").Extractor} extractor
+   * @param {{ remembers: boolean }} settings whether options outlast the page
+   */
+  constructor(extractor, { remembers }) {
     super();
     this.#extractor = extractor;
+    this.#remembers = remembers;
+    this.options = this.#startOptions();
   }
 
   // Files
@@ -293,7 +305,7 @@ export class Session extends EventTarget {
     this.frames = null;
     this.frameSources = [];
     this.join = null;
-    this.options = { transform: "affine", rank: "reference", thresholds: {} };
+    this.options = this.#startOptions();
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
@@ -366,6 +378,7 @@ export class Session extends EventTarget {
   /** @param {Partial<Pick<ScoreOptions, "transform" | "rank">>} options */
   setOptions(options) {
     Object.assign(this.options, options);
+    this.#remember();
     this.#evaluate();
   }
 
@@ -378,7 +391,44 @@ export class Session extends EventTarget {
     if (threshold === null) delete thresholds[object];
     else thresholds[object] = threshold;
     this.options.thresholds = thresholds;
+    this.#remember();
     this.#evaluate();
+  }
+
+  /** Those of the last visit, where there was one. */
+  #startOptions() {
+    return optionsFrom(this.#remembers ? load("score") : {});
+  }
+
+  #remember() {
+    const { transform, rank, thresholds } = this.options;
+    if (this.#remembers) store("score", { transform, rank, thresholds });
+    this.#dropReminder();
+  }
+
+  /** Says which settings of an earlier visit are in force: a result must not surprise. */
+  #remind() {
+    const { transform, rank, thresholds = {} } = this.#scoreOptions();
+    const edited = Object.entries(thresholds).filter(([name, value]) => value !== this.defaultThresholds[name]);
+    const kept = [
+      ...edited.map(([name, value]) => `threshold ${value} for ${name}`),
+      transform !== DEFAULTS.transform && `map ${transform}`,
+      rank !== DEFAULTS.rank && `rank rule ${rank}`,
+    ].filter(Boolean);
+    if (kept.length === 0 || !this.#remembers) return;
+    this.#report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
+      label: "Use the defaults",
+      run: () => {
+        Object.assign(this.options, DEFAULTS, { thresholds: {} });
+        this.#remember();
+        this.#evaluate();
+        this.#emit("scoring");
+      },
+    });
+  }
+
+  #dropReminder() {
+    if (this.problems.delete("remembered")) this.#emit("files");
   }
 
   /** @param {Partial<{ object: number, frame: number }>} selection */
@@ -443,7 +493,7 @@ export class Session extends EventTarget {
   }
 
   /**
-   * The points of an object and its keypoint on display, all in ndc; `null` when it has none.
+   * The points of an object and its keypoint on display, all in ndc, with their squared distances; `null` when it has none.
    * @param {number} object
    */
   series(object) {
@@ -452,11 +502,47 @@ export class Session extends EventTarget {
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
     if (!series) {
-      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, this.#scoreOptions());
-      series = { truth, keypoint: this.#place(raw), transformed };
+      const options = this.#scoreOptions();
+      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
+      const distances = this.scoring.distances(object, keypoint, options);
+      series = { truth, keypoint: this.#place(raw), transformed, distances };
+      const [oldest] = this.#series.keys();
+      if (this.#series.size >= KEPT_SERIES) this.#series.delete(oldest);
       this.#series.set(key, series);
     }
     return series;
+  }
+
+  /**
+   * The errors of an object and its keypoint on display by the sequence, in the order of `sequences`; NaN where the object
+   * is not visible.
+   * @param {number} object
+   */
+  sequenceErrors(object) {
+    const errors = new Float64Array(this.sequences.length).fill(NaN);
+    const keypoint = this.keypointOf(object);
+    if (!this.scoring || keypoint === null) return errors;
+    const found = this.scoring.sequenceErrors(object, keypoint, this.#scoreOptions());
+    const byStart = new Map(found.map(({ start, error }) => [start, error]));
+    return errors.map((_, i) => byStart.get(this.sequences[i].start) ?? NaN);
+  }
+
+  /**
+   * All keypoints of a joined frame in ndc, N x 2.
+   * @param {number} frame
+   */
+  keypointsAt(frame) {
+    return this.scoring ? this.placed(this.scoring.keypointsAt(frame), frame) : new Float64Array();
+  }
+
+  /**
+   * Points of a joined frame in ndc; see {@link Session.placesKeypoints}.
+   * @param {Float64Array} points
+   * @param {number} frame
+   */
+  placed(points, frame) {
+    const size = this.imageSize ?? this.#sizes[frame];
+    return this.encoder && size ? latentToImage(this.encoder.info.config, points, ...size) : points;
   }
 
   // What follows from what
@@ -793,6 +879,7 @@ export class Session extends EventTarget {
       frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
     };
     this.#evaluate();
+    this.#remind();
   }
 
   /**
@@ -850,9 +937,7 @@ export class Session extends EventTarget {
     const { config } = encoder.info;
     if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
-    for (const [t, size] of this.#sizes.entries()) {
-      placed.set(latentToImage(config, points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
-    }
+    for (let t = 0; t < this.#sizes.length; t++) placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
     return placed;
   }
 
@@ -914,6 +999,20 @@ export class Session extends EventTarget {
   #emit(topic) {
     this.dispatchEvent(new Event(topic));
   }
+}
+
+/**
+ * Options that were kept, as far as they are understood.
+ * @param {Record<string, any>} kept
+ * @returns {ScoreOptions}
+ */
+function optionsFrom({ transform, rank, thresholds }) {
+  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => Number.isFinite(value) && value > 0);
+  return {
+    transform: TRANSFORMS.includes(transform) ? transform : DEFAULTS.transform,
+    rank: RANKS.includes(rank) ? rank : DEFAULTS.rank,
+    thresholds: Object.fromEntries(usable),
+  };
 }
 
 /**

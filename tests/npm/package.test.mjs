@@ -54,9 +54,33 @@ test("frames, a checkpoint and a table make an evaluation", async () => {
 
   // The error is the mean squared distance between the transformed keypoint and the truth.
   const { best_keypoint: best, error } = evaluation.objects[2];
-  const { truth: x, transformed: z } = scoring.series(2, best);
+  const series = scoring.series(2, best);
+  const { truth: x, transformed: z } = series;
   const mean = x.reduce((sum, value, i) => sum + (value - z[i]) ** 2, 0) / 15;
-  assert.ok(Math.abs(mean - error) < 1e-12 + 1e-9 * error);
+  const near = (value) => assert.ok(Math.abs(value - error) < 1e-12 + 1e-9 * error, `${value} and ${error}`);
+  near(mean);
+  near(scoring.distances(2, best).reduce((sum, value) => sum + value, 0) / 15);
+  // All three sequences have five frames.
+  near(scoring.sequenceErrors(2, best).reduce((sum, { error }) => sum + error, 0) / 3);
+
+  // A frame's keypoints, and the weights that one of them is the mean position of.
+  const points = scoring.keypointsAt(7);
+  assert.deepEqual([...points.slice(2 * best, 2 * best + 2)], [...series.keypoint.slice(14, 16)]);
+  assert.throws(() => scoring.keypointsAt(15), /there is no frame 15/);
+  const path = (await paths())[frames.order[7]];
+  const map = encoder.heatMap(await read(path), path, best);
+  const column = (_, i) => (2 * (i % map.width)) / (map.width - 1) - 1;
+  const mean_x = map.weights.reduce((sum, weight, i) => sum + weight * column(weight, i), 0);
+  assert.equal(map.weights.length, map.width * map.height);
+  assert.ok(Math.abs(mean_x - points[2 * best]) < 1e-6);
+
+  // And the image that the decoder makes of all of them.
+  assert.equal(encoder.info.decoder, true);
+  const decoder = tracklens.Decoder.open(await golden("basic-vel-std-bg-tiny.safetensors"), "tiny.safetensors");
+  const image = decoder.reconstruct(points);
+  assert.equal(image.length, 4 * decoder.width * decoder.height);
+  assert.ok(image.every((value, i) => i % 4 !== 3 || value === 255) && image.some((value, i) => i % 4 !== 3 && value > 0));
+  assert.throws(() => decoder.reconstruct(points.slice(2)), /keypoints for a decoder of/);
 });
 
 test("a checkpoint of the authors' code is read as it is", async () => {

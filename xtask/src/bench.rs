@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the machine.
 
 mod page;
+mod report;
 
 use std::process::Command;
 
@@ -25,6 +26,8 @@ pub enum Subject {
     Train,
     /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the time to the first TC.
     Page,
+    /// `tracklens report` on synthetic logs of 6 x 24 runs of 500 epochs: time and peak memory.
+    Report,
     /// The page with 10,000 frames of 256 px: time, size of the tab, scrubbing.
     Size,
 }
@@ -41,6 +44,7 @@ pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
         Subject::Metric => metric(workspace),
         Subject::Train => train(workspace),
         Subject::Page => page::run(workspace),
+        Subject::Report => report::run(workspace),
         Subject::Size => size(workspace),
     }
 }

@@ -15,6 +15,7 @@ mod score;
 mod sweep;
 #[cfg(feature = "train")]
 mod train;
+mod trajectories;
 
 use std::process::ExitCode;
 

@@ -1,41 +1,14 @@
 //! An evaluation as one HTML file: figures and style are in it, it runs no script and loads nothing.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
+use super::document::document;
 use super::evaluation::{ContextReport, EvaluationReport, MapReport, ObjectReport, SequencesReport};
 use super::figures::evaluation_figures;
 use crate::error::Result;
 
 /// Sequences that the page lists for an object.
 const WORST: usize = 10;
-
-/// The style of every page of results: light and dark, and for print.
-pub const STYLE: &str = "
-:root { color-scheme: light dark; --ink: #1c1c1e; --soft: #6b6b70; --plate: #ffffff; --line: #d9d9de;
-  --good: #00734f; --bad: #a8430a; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #ececf0; --soft: #a3a3aa; --plate: #18181b; --line: #3a3a40; --good: #4fd1a5; --bad: #ffa36b; }
-}
-body { margin: 0 auto; padding: 2rem 1.25rem 4rem; max-width: 68rem; background: var(--plate); color: var(--ink);
-  font: 16px/1.5 system-ui, sans-serif; }
-h1 { font-size: 1.7rem; margin: 0 0 .25rem; }
-h2 { font-size: 1.2rem; margin: 2.5rem 0 .5rem; }
-p, figcaption { color: var(--soft); max-width: 46rem; }
-.lead { color: var(--ink); font-size: 1.1rem; }
-.table { overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .35rem .8rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; }
-td small { color: var(--soft); }
-td.good { color: var(--good); font-weight: 600; }
-td.bad { color: var(--bad); font-weight: 600; }
-pre { padding: .75rem 1rem; border: 1px solid var(--line); border-radius: 8px; white-space: pre-wrap; overflow-wrap: anywhere;
-  font: .875rem/1.5 ui-monospace, monospace; }
-figure { margin: 1.5rem 0; }
-figure .plate { background: #fff; border: 1px solid var(--line); border-radius: 8px; overflow-x: auto; padding: .5rem; }
-figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
-@media print { body { max-width: none; padding: 0; } figure { break-inside: avoid; } }
-";
 
 /// The page of an evaluation.
 ///
@@ -44,39 +17,27 @@ figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
 pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
     let figures = evaluation_figures(report)?;
     let title = format!("Tracking capability {:.3}", report.tc);
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { (title) }
-                p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
-                    (report.version) }
-                p.lead { (lead(report)) }
-                @if !report.warnings.is_empty() {
-                    ul { @for warning in &report.warnings { li { (prose(warning)) } } }
-                }
-                (objects(report))
-                p { (protocol(report)) }
-                @for figure in &figures {
-                    figure {
-                        div.plate { (PreEscaped(&figure.svg)) }
-                        figcaption { (figure.caption) }
-                    }
-                }
-                (maps(report))
-                @if let Some(sequences) = &report.sequences { (worst(sequences)) }
-                @if let Some(context) = &report.context { (context_tables(context)) }
-                (provenance(report))
+    let body = html! {
+        p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
+            (report.version) }
+        p.lead { (lead(report)) }
+        @if !report.warnings.is_empty() {
+            ul { @for warning in &report.warnings { li { (prose(warning)) } } }
+        }
+        (objects(report))
+        p { (protocol(report)) }
+        @for figure in &figures {
+            figure {
+                div.plate.white { (PreEscaped(&figure.svg)) }
+                figcaption { (figure.caption) }
             }
         }
+        (maps(report))
+        @if let Some(sequences) = &report.sequences { (worst(sequences)) }
+        @if let Some(context) = &report.context { (context_tables(context)) }
+        (provenance(report))
     };
-    Ok(page.into_string())
+    Ok(document(&title, &body))
 }
 
 /// Text with names between backticks.

@@ -13,16 +13,20 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::series::{DashedLineSeries, LineSeries};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::figures::{Figure, file_name};
 use super::measured::Measured;
-use super::runs::{Group, Runs, RunsReport, error};
+use super::runs::{Group, Run, Runs};
+use super::runs_report::{GroupReport, RunsReport};
 use crate::error::{Error, Result};
 use crate::metric::stats::{Sample, performance_profile, smooth};
 
 /// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix, "Evaluation").
 const SMOOTHING: f64 = 2.5;
+/// Of fewer runs than this a box plot shows every one: quartiles of so few say little.
+const FEW: usize = 8;
 /// Values below this are drawn here on logarithmic axes.
 const FLOOR: f64 = 1e-5;
 
@@ -35,20 +39,20 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(90, 90, 90),
 ];
-const INK: RGBColor = RGBColor(34, 34, 34);
+pub(super) const INK: RGBColor = RGBColor(34, 34, 34);
 const GRID: RGBColor = RGBColor(222, 222, 222);
-const PAPER: RGBColor = RGBColor(255, 255, 255);
+pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// Height of the text in pixels.
-const EM: i32 = 13;
+pub(super) const EM: i32 = 13;
 /// Of one panel.
 const PANEL: [u32; 2] = [300, 250];
 /// Room for the legend above the panels.
 const LEGEND: u32 = 34;
 
-type Backend<'a> = Measured<SVGBackend<'a>>;
+pub(super) type Backend<'a> = Measured<SVGBackend<'a>>;
 type Area<'a> = DrawingArea<Backend<'a>, Shift>;
-type Done = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
+pub(super) type Done = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
 type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, LogCoord<f64>>>;
 
 /// All figures of the runs.
@@ -60,12 +64,19 @@ pub fn figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
         capabilities(report)?,
         boxes(runs, report)?,
         profiles(runs, report)?,
-        reconstruction(runs)?,
     ];
-    for (i, group) in runs.groups.iter().enumerate() {
-        if group.complete().next().is_some() {
-            figures.push(curves(runs, group, i)?);
-        }
+    // Detectors that were scored as they are have no epochs.
+    let has_epochs = |group: &Group| group.complete().any(|run| !run.epochs.is_empty());
+    for (i, group) in runs
+        .groups
+        .iter()
+        .enumerate()
+        .filter(|(_, group)| has_epochs(group))
+    {
+        figures.push(curves(runs, group, i)?);
+    }
+    if runs.groups.iter().any(has_epochs) {
+        figures.push(reconstruction(runs)?);
     }
     Ok(figures)
 }
@@ -74,7 +85,7 @@ fn color(i: usize) -> RGBColor {
     PALETTE[i % PALETTE.len()]
 }
 
-fn text<'a>() -> TextStyle<'a> {
+pub(super) fn text<'a>() -> TextStyle<'a> {
     TextStyle::from(("sans-serif", EM).into_font()).color(&INK)
 }
 
@@ -143,15 +154,9 @@ fn tick(value: f64) -> String {
 fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
     let objects = &runs.objects;
     let of = |k: usize| -> Result<Vec<Vec<f64>>> {
-        let errors = |run: &super::runs::Run| {
-            let values: Vec<f64> = run
-                .epochs
-                .iter()
-                .filter_map(|epoch| error(epoch, &objects[k].0))
-                .collect();
-            // Smoothed as they are drawn: on a logarithmic axis.
-            let logs: Vec<f64> = values.iter().map(|v| v.max(FLOOR).ln()).collect();
-            Ok(smooth(&logs, SMOOTHING)?.into_iter().map(f64::exp).collect())
+        let errors = |run: &Run| {
+            let values = run.epochs.iter().filter_map(|epoch| epoch.errors[k]);
+            smooth(&values.collect::<Vec<f64>>(), SMOOTHING)
         };
         group.complete().map(errors).collect()
     };
@@ -181,7 +186,10 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
                 .y_label_formatter(&|y| tick(*y))
                 .draw()?;
             for curve in &all[k] {
-                let points = curve.iter().enumerate().map(|(i, v)| ((i + 1) as f64, *v));
+                let points = curve
+                    .iter()
+                    .enumerate()
+                    .map(|(i, v)| ((i + 1) as f64, v.max(FLOOR)));
                 chart.draw_series(LineSeries::new(points, ink.mix(0.7).stroke_width(1)))?;
             }
             dashed(&mut chart, [(1.0, *threshold), (epochs as f64, *threshold)])
@@ -243,7 +251,8 @@ fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
     Ok(Figure {
         name: "boxplots".to_owned(),
         caption: "Tracking errors of the complete runs at their last epoch: quartiles, whiskers to the furthest run within \
-                  1.5 interquartile ranges, the others as circles; dashed: the threshold."
+                  1.5 interquartile ranges, the others as circles; of fewer than 8 runs every one as a dot; dashed: the \
+                  threshold."
             .to_owned(),
         svg,
     })
@@ -280,8 +289,13 @@ fn draw_box<'b>(
             line.stroke_width(2),
         ),
     ])?;
-    let outside = values.iter().filter(|v| !is_inside(v));
-    chart.draw_series(outside.map(|v| Circle::new((x, v.max(FLOOR)), 3, line)))?;
+    if values.len() < FEW {
+        let dot = ShapeStyle::from(&INK).filled();
+        chart.draw_series(values.iter().map(|v| Circle::new((x, v.max(FLOOR)), 2, dot)))?;
+    } else {
+        let outside = values.iter().filter(|v| !is_inside(v));
+        chart.draw_series(outside.map(|v| Circle::new((x, v.max(FLOOR)), 3, line)))?;
+    }
     Ok(())
 }
 
@@ -301,6 +315,7 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
         let end = groups.len() as f64;
         let mut chart = ChartBuilder::on(panel)
             .margin(EM)
+            .margin_top(2 * EM)
             .x_label_area_size(5 * EM)
             .y_label_area_size(4 * EM)
             .build_cartesian_2d(0.0..end, 0.0..objects.len().max(1) as f64)?;
@@ -330,14 +345,13 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
                 let (xs, ys) = panel.get_pixel_range();
                 [xs.start, ys.start]
             };
+            let centred = text().pos(Pos::new(HPos::Center, VPos::Top));
             let label = |line: &str, row: i32| -> Done {
-                let width = panel.estimate_text_size(line, &text())?.0 as i32;
-                let at = (
-                    left - offset_x - width / 2,
-                    below - offset_y + EM / 2 + row * (EM + 2),
-                );
-                panel.draw_text(line, &text(), at)
+                let at = (left - offset_x, below - offset_y + EM / 2 + row * (EM + 2));
+                panel.draw_text(line, &centred, at)
             };
+            let above = chart.backend_coord(&(x + 0.5, bottom)).1 - offset_y - EM - 4;
+            panel.draw_text(&format!("{bottom:.2}"), &centred, (left - offset_x, above))?;
             // Long names break after their family.
             match group.name.split_once('-') {
                 Some((family, rest)) => {
@@ -346,13 +360,15 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
                 }
                 None => label(&group.name, 0)?,
             }
-            label(&format!("{} runs", group.complete), 2)?;
+            let runs = if group.complete == 1 { "run" } else { "runs" };
+            label(&format!("{} {runs}", group.complete), 2)?;
         }
         Ok(())
     })?;
     Ok(Figure {
         name: "tracking-capability".to_owned(),
-        caption: "Mean tracking capability of every object over the complete runs, stacked.".to_owned(),
+        caption: "Mean tracking capability of every object over the complete runs, stacked; all objects in all runs would be \
+                  their number.".to_owned(),
         svg,
     })
 }
@@ -427,8 +443,7 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
         .groups
         .iter()
         .map(|group| {
-            let loss =
-                |run: &super::runs::Run| run.epochs.iter().map(|e| e.validation.reconstruction).collect();
+            let loss = |run: &Run| run.epochs.iter().map(|e| e.reconstruction).collect();
             group.complete().map(loss).collect()
         })
         .collect();
@@ -504,7 +519,7 @@ fn legend(report: &RunsReport) -> Vec<(String, RGBColor)> {
         .collect()
 }
 
-fn place(report: &RunsReport, group: &super::runs::GroupReport) -> usize {
+fn place(report: &RunsReport, group: &GroupReport) -> usize {
     report
         .groups
         .iter()

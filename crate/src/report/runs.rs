@@ -1,93 +1,312 @@
-//! Runs by what their folders hold, and what many of them come to.
+//! Runs by what their folders hold, and by groups.
 
 use std::collections::BTreeMap;
+use std::str::FromStr;
+use std::sync::Arc;
 
-use serde::Serialize;
-
+use super::evaluation::EvaluationReport;
 use crate::error::{Error, Result};
 use crate::metric::Transform;
-use crate::metric::stats::{
-    Sample, probability_of_improvement, quantile_window_mean, stratified_interval, trimmed_mean,
-};
-use crate::train::{EpochLog, RunConfig, TrainSummary, read_log};
+use crate::train::{RunConfig, Split, TrainSummary, read_log};
 
-/// The share of resamples between the ends of an interval.
-const LEVEL: f64 = 0.95;
-
-/// One run.
+/// One run: a training, or a detector that was scored as it is.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// What it is called: its folder.
+    /// What it is called: its folder, or its file.
     pub name: String,
-    /// How it trained.
-    pub config: RunConfig,
-    /// Its epochs, as far as the log can be read.
-    pub epochs: Vec<EpochLog>,
+    /// The architecture; of a detector of another kind what it is called.
+    pub architecture: String,
+    /// What it trained with; `None` where that is not known.
+    pub seed: Option<u64>,
+    /// The objects, in the order of every table.
+    pub objects: Vec<String>,
+    /// Its epochs, as far as the log can be read; none of a detector that was scored.
+    pub epochs: Vec<Epoch>,
+    /// The metric in full, after the last epoch.
+    pub evaluation: Option<EvaluationReport>,
     /// Why it does not count; `None` for a complete run.
     pub incomplete: Option<String>,
+    /// How it trained; `None` of a detector that was scored.
+    pub config: Option<RunConfig>,
+}
+
+/// What figures and tables need of an epoch; a log holds several times as much.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Epoch {
+    /// The affine tracking error of every object; `None` where it was visible in no frame.
+    pub errors: Vec<Option<f64>>,
+    /// Reconstruction loss on the validation sequences.
+    pub reconstruction: f64,
+}
+
+/// The files of a run folder, as far as they are there.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RunFiles<'a> {
+    /// `config.json`.
+    pub config: Option<&'a [u8]>,
+    /// `log.jsonl`.
+    pub log: Option<&'a [u8]>,
+    /// `summary.json`.
+    pub summary: Option<&'a [u8]>,
+    /// `error.txt`: why the last attempt of a sweep failed.
+    pub error: Option<&'a [u8]>,
+}
+
+/// A folder that is none of a run that can be read, and why.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Unread {
+    /// The folder.
+    pub name: String,
+    /// Why it does not count.
+    pub reason: String,
 }
 
 impl Run {
-    /// A run from the bytes of its `config.json`, `log.jsonl` and `summary.json`, the last one where it is there. A log that
-    /// is cut is read up to the break; the run is incomplete then.
+    /// A run from what its folder holds. A log that is cut is read up to the break; the run is incomplete then, and also when
+    /// it failed or was stopped.
     ///
     /// # Errors
-    /// When the configuration or the summary is not what a run writes.
-    pub fn parse(name: &str, config: &[u8], log: &[u8], summary: Option<&[u8]>) -> Result<Self> {
-        let wrong =
-            |file: &str, e: &serde_json::Error| Error::input(e.to_string()).at(format!("{name}/{file}"));
+    /// When there is no configuration, or the configuration or the summary is not what a run writes.
+    pub fn parse(name: &str, files: &RunFiles) -> std::result::Result<Self, Unread> {
+        let failed = files.error.map(|error| {
+            let text = String::from_utf8_lossy(error);
+            format!("it failed: {}", text.trim().lines().next().unwrap_or_default())
+        });
+        let unread = |reason: String| Unread {
+            name: name.to_owned(),
+            reason,
+        };
+        let wrong = |file: &str, e: &serde_json::Error| unread(format!("{file} cannot be read: {e}"));
+        let Some(config) = files.config else {
+            let missing = || "config.json is missing: it ended before it began to train".to_owned();
+            return Err(unread(failed.unwrap_or_else(missing)));
+        };
         let config: RunConfig = serde_json::from_slice(config).map_err(|e| wrong("config.json", &e))?;
-        let summary: Option<TrainSummary> = summary
+        let summary: Option<TrainSummary> = files
+            .summary
             .map(serde_json::from_slice)
             .transpose()
             .map_err(|e| wrong("summary.json", &e))?;
-        let (epochs, broken) = read_log(log);
+        let (log, broken) = read_log(files.log.unwrap_or_default());
+        let epochs: Vec<Epoch> = log
+            .iter()
+            .map(|epoch| {
+                let affine = epoch.errors.get(Transform::Affine.name());
+                let error = |object: &String| affine.and_then(|errors| errors.get(object).copied().flatten());
+                Epoch {
+                    errors: config.objects.iter().map(error).collect(),
+                    reconstruction: epoch.validation.reconstruction,
+                }
+            })
+            .collect();
         let planned = config.train.epochs;
-        let incomplete = match (broken, summary) {
-            (Some(error), _) => Some(format!(
+        let whole = summary
+            .as_ref()
+            .is_some_and(|summary| !summary.interrupted && epochs.len() as u32 >= planned);
+        let incomplete = match broken {
+            Some(error) => Some(format!(
                 "its log breaks off ({error}), after epoch {}",
                 epochs.len()
             )),
-            (None, Some(summary)) if !summary.interrupted && epochs.len() as u32 >= planned => None,
-            _ => Some(format!("it stopped after epoch {} of {planned}", epochs.len())),
+            None if whole => None,
+            None => Some(match failed {
+                Some(failed) => format!("{failed}, after epoch {} of {planned}", epochs.len()),
+                None => format!("it stopped after epoch {} of {planned}", epochs.len()),
+            }),
         };
         Ok(Self {
             name: name.to_owned(),
-            config,
+            architecture: config.train.sae.name(),
+            seed: Some(config.train.seed),
+            objects: config.objects.clone(),
             epochs,
+            evaluation: summary.and_then(|summary| summary.evaluation),
             incomplete,
+            config: Some(config),
         })
     }
 
-    /// The affine tracking error of an object at the end; `None` where it was visible in no frame.
+    /// A detector that was scored as it is; without an architecture it is called what its name begins with.
+    pub fn scored(name: &str, architecture: Option<String>, evaluation: EvaluationReport) -> Self {
+        Self {
+            name: name.to_owned(),
+            architecture: architecture.unwrap_or_else(|| family(name)),
+            seed: None,
+            objects: evaluation.objects.iter().map(|o| o.name.clone()).collect(),
+            epochs: Vec::new(),
+            evaluation: Some(evaluation),
+            incomplete: None,
+            config: None,
+        }
+    }
+
+    /// The tracking error of an object at the end: of a training the affine one of its last epoch. `None` where it was visible
+    /// in no frame.
     pub fn error(&self, object: &str) -> Option<f64> {
-        self.epochs.last().and_then(|epoch| error(epoch, object))
+        match (self.epochs.last(), &self.evaluation) {
+            (Some(epoch), _) => {
+                let at = self.objects.iter().position(|name| name == object)?;
+                epoch.errors[at]
+            }
+            (None, Some(evaluation)) => evaluation.objects.iter().find(|o| o.name == object)?.error,
+            (None, None) => None,
+        }
+    }
+
+    /// The settings that tell runs apart, but for the seed, with their values: the same ones in the same order for all
+    /// trainings.
+    pub fn settings(&self) -> Vec<(String, String)> {
+        let Some(config) = &self.config else {
+            return vec![("architecture".to_owned(), self.architecture.clone())];
+        };
+        let mut settings = vec![
+            ("architecture".to_owned(), self.architecture.clone()),
+            ("version".to_owned(), config.version.clone()),
+            (
+                "input_size".to_owned(),
+                config.input_size.map(|s| s.to_string()).join("x"),
+            ),
+        ];
+        let value = serde_json::to_value(&config.train).unwrap_or_default();
+        let mut add = |key: &String, value: &serde_json::Value| {
+            // What is left out means its default.
+            if !["seed", "architecture", "input_size"].contains(&key.as_str()) && !value.is_null() {
+                let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+                settings.push((key.clone(), text));
+            }
+        };
+        for (key, value) in value.as_object().into_iter().flatten() {
+            match (key.as_str(), value.as_object()) {
+                ("sae", Some(sae)) => sae.iter().for_each(|(key, value)| add(key, value)),
+                _ => add(key, value),
+            }
+        }
+        settings
+    }
+
+    /// Why the errors of two runs cannot be compared, if so.
+    fn differs(&self, other: &Self) -> Option<String> {
+        if self.objects != other.objects {
+            let [a, b] = [self, other].map(|run| run.objects.join(", "));
+            return Some(format!("they are of different objects: {a}, and {b}"));
+        }
+        let (a, b) = match (&self.config, &other.config) {
+            (Some(a), Some(b)) => (a, b),
+            (None, None) => return None,
+            _ => {
+                return Some(
+                    "one is scored on its validation sequences, the other on the frames here".to_owned(),
+                );
+            }
+        };
+        let sizes = |c: &RunConfig| [c.training_sequences.len(), c.validation_sequences.len()];
+        if sizes(a) != sizes(b) {
+            let [a, b] = [a, b].map(|c| sizes(c).map(|n| n.to_string()).join(" + "));
+            return Some(format!(
+                "they are of different numbers of training and validation sequences: {a}, and {b}"
+            ));
+        }
+        // One seed splits one data set in one way.
+        let split = |c: &RunConfig| {
+            let seed = matches!(c.train.split, Split::Shares { .. }).then_some(c.train.seed);
+            (seed, c.train.split, c.version.clone())
+        };
+        let names = |c: &RunConfig| (c.training_sequences.clone(), c.validation_sequences.clone());
+        if split(a) == split(b) && names(a) != names(b) {
+            return Some("with one seed and split they are of different sequences".to_owned());
+        }
+        let known = |c: &RunConfig| [c.training_sequences.clone(), c.validation_sequences.clone()].concat();
+        let (a, b) = (known(a), known(b));
+        let shared = a.is_empty() || a.iter().any(|name| b.contains(name));
+        (!shared).then(|| "they have no sequence in common".to_owned())
     }
 }
 
-/// The affine tracking error of an object in an epoch; `None` where it was visible in no frame.
-pub(super) fn error(epoch: &EpochLog, object: &str) -> Option<f64> {
-    epoch
-        .errors
-        .get(Transform::Affine.name())?
-        .get(object)
-        .copied()
-        .flatten()
+/// Runs of one data set, and why they are kept apart from those before.
+#[derive(Debug, Clone)]
+pub struct DataSet {
+    /// The runs.
+    pub runs: Vec<Arc<Run>>,
+    /// Two runs, and why their errors cannot be compared; `None` for the first data set.
+    pub reason: Option<String>,
 }
 
-/// Runs that differ in their seed alone.
+/// Puts runs of one data set together: the same objects and sequences, as far as their configurations tell.
+pub fn data_sets(runs: Vec<Arc<Run>>) -> Vec<DataSet> {
+    let mut sets: Vec<DataSet> = Vec::new();
+    for run in runs {
+        let mut reason = None;
+        let place = sets.iter().position(|set| {
+            // The first stands for all; those of its seed can be compared name by name.
+            let (first, rest) = (&set.runs[..1], &set.runs[1..]);
+            let alike = rest.iter().filter(|other| other.seed == run.seed);
+            let found = first.iter().chain(alike).find_map(|other| {
+                let why = other.differs(&run)?;
+                Some(format!("{} and {}: {why}", other.name, run.name))
+            });
+            let belongs = found.is_none();
+            reason = found.or(reason.take());
+            belongs
+        });
+        match place {
+            Some(place) => sets[place].runs.push(run),
+            None => sets.push(DataSet {
+                runs: vec![run],
+                reason,
+            }),
+        }
+    }
+    sets
+}
+
+/// What the runs of one group have in common.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Grouping {
+    /// All but the seed.
+    #[default]
+    Settings,
+    /// The architecture, whatever else differs.
+    Architecture,
+    /// Their name without the number at its end: `runs/basic-long/seed-03` is of `basic-long`.
+    Name,
+    /// One setting.
+    Setting(String),
+}
+
+impl FromStr for Grouping {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Ok(match text {
+            "settings" => Self::Settings,
+            "architecture" => Self::Architecture,
+            "name" => Self::Name,
+            "" => {
+                return Err(Error::input(
+                    "groups by nothing; expected settings, architecture, name or a setting",
+                ));
+            }
+            key => Self::Setting(key.to_owned()),
+        })
+    }
+}
+
+/// Runs of one group.
 #[derive(Debug, Clone)]
 pub struct Group {
-    /// The architecture; with what else tells it from another group, where there are several of one.
+    /// Its name; by settings the architecture, with what else tells it from another group where there are several of one.
     pub name: String,
     /// The runs, complete ones first.
-    pub runs: Vec<Run>,
+    pub runs: Vec<Arc<Run>>,
 }
 
 impl Group {
     /// The complete runs.
     pub fn complete(&self) -> impl Iterator<Item = &Run> + Clone {
-        self.runs.iter().filter(|run| run.incomplete.is_none())
+        self.runs
+            .iter()
+            .map(Arc::as_ref)
+            .filter(|run| run.incomplete.is_none())
     }
 }
 
@@ -101,35 +320,20 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Puts runs that differ in their seed alone into groups.
+    /// Puts runs into groups.
     ///
     /// # Errors
-    /// When there is no complete run, or runs are of different objects or numbers of sequences: these are not the same data
-    /// set, and their errors cannot be compared.
-    pub fn new(mut runs: Vec<Run>, threshold: impl Fn(&str) -> f64) -> Result<Self> {
-        if let Some(first) = runs.first() {
-            let data = |run: &Run| {
-                let config = &run.config;
-                let sequences = (config.training_sequences.len(), config.validation_sequences.len());
-                (config.objects.clone(), sequences)
-            };
-            let of_first = data(first);
-            if let Some(other) = runs.iter().find(|run| data(run) != of_first) {
-                let describe = |run: &Run| {
-                    let (objects, (training, validation)) = data(run);
-                    format!(
-                        "{} ({}; {training} + {validation} sequences)",
-                        run.name,
-                        objects.join(", ")
-                    )
-                };
-                return Err(Error::mismatch(format!(
-                    "the runs are of different data sets: {} and {}; report on them one by one",
-                    describe(first),
-                    describe(other)
-                )));
-            }
+    /// When there is no complete run, when runs are not of one data set ([`data_sets`]), so that their errors cannot be
+    /// compared, and when a setting to group by is none.
+    pub fn new(runs: Vec<Arc<Run>>, threshold: impl Fn(&str) -> f64, grouping: &Grouping) -> Result<Self> {
+        let mut sets = data_sets(runs);
+        if let Some(reason) = sets.iter().find_map(|set| set.reason.as_ref()) {
+            return Err(Error::mismatch(format!(
+                "the runs are of {} different data sets, whose errors cannot be compared ({reason}); report on them one by one",
+                sets.len()
+            )));
         }
+        let mut runs = sets.pop().map(|set| set.runs).unwrap_or_default();
         if !runs.iter().any(|run| run.incomplete.is_none()) {
             let why: Vec<String> = runs
                 .iter()
@@ -147,286 +351,110 @@ impl Runs {
             }));
         }
         runs.sort_by(|a, b| {
-            (a.incomplete.is_some(), a.config.train.seed, &a.name).cmp(&(
-                b.incomplete.is_some(),
-                b.config.train.seed,
-                &b.name,
-            ))
+            (a.incomplete.is_some(), a.seed, &a.name).cmp(&(b.incomplete.is_some(), b.seed, &b.name))
         });
-        let objects = runs[0].config.objects.iter();
+        let objects = runs[0].objects.iter();
         let objects = objects.map(|name| (name.clone(), threshold(name))).collect();
-        let mut groups: BTreeMap<String, Vec<Group>> = BTreeMap::new();
-        for run in runs {
-            let name = run.config.train.sae.name();
-            let alike = groups.entry(name.clone()).or_default();
-            match alike
-                .iter_mut()
-                .find(|group| settings(&group.runs[0]) == settings(&run))
-            {
-                Some(group) => group.runs.push(run),
-                None => alike.push(Group {
-                    name,
+        let groups = match grouping {
+            Grouping::Settings => by_settings(runs),
+            Grouping::Architecture => by(runs, |run| Ok(run.architecture.clone()))?,
+            Grouping::Name => by(runs, |run| Ok(family(&run.name)))?,
+            Grouping::Setting(key) => by(runs, |run| {
+                let settings = run.settings();
+                let names = || settings.iter().map(|(key, _)| key.as_str()).collect::<Vec<_>>();
+                let found = settings.iter().find(|(name, _)| name == key);
+                found.map(|(key, value)| format!("{key} {value}")).ok_or_else(|| {
+                    Error::input(format!(
+                        "{} has no setting `{key}` to group by; expected one of {}",
+                        run.name,
+                        names().join(", ")
+                    ))
+                })
+            })?,
+        };
+        Ok(Self { objects, groups })
+    }
+}
+
+fn by(runs: Vec<Arc<Run>>, name: impl Fn(&Run) -> Result<String>) -> Result<Vec<Group>> {
+    let mut groups: BTreeMap<String, Vec<Arc<Run>>> = BTreeMap::new();
+    for run in runs {
+        groups.entry(name(&run)?).or_default().push(run);
+    }
+    let group = |(name, runs)| Group { name, runs };
+    Ok(groups.into_iter().map(group).collect())
+}
+
+fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
+    let mut all = Vec::new();
+    let mut architectures: BTreeMap<String, Vec<(Vec<(String, String)>, Group)>> = BTreeMap::new();
+    for run in runs {
+        let settings = run.settings();
+        let alike = architectures.entry(run.architecture.clone()).or_default();
+        match alike.iter_mut().find(|(other, _)| *other == settings) {
+            Some((_, group)) => group.runs.push(run),
+            None => alike.push((
+                settings,
+                Group {
+                    name: run.architecture.clone(),
                     runs: vec![run],
-                }),
-            }
-        }
-        let mut all: Vec<Group> = Vec::new();
-        for (name, mut alike) in groups {
-            if alike.len() > 1 {
-                let described: Vec<Vec<(String, String)>> =
-                    alike.iter().map(|group| describe(&group.runs[0])).collect();
-                for (group, own) in alike.iter_mut().zip(&described) {
-                    let differs = |at: &usize| described.iter().any(|other| other.get(*at) != own.get(*at));
-                    let told = (0..own.len())
-                        .filter(differs)
-                        .map(|at| format!("{} {}", own[at].0, own[at].1));
-                    group.name = format!("{name} ({})", told.collect::<Vec<_>>().join(", "));
-                }
-            }
-            all.extend(alike);
-        }
-        all.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok(Self { objects, groups: all })
-    }
-}
-
-/// What runs of one group have in common.
-fn settings(run: &Run) -> (String, crate::train::TrainConfig) {
-    let mut train = run.config.train.clone();
-    train.seed = 0;
-    (run.config.version.clone(), train)
-}
-
-/// The settings of a run with their values, all runs' in the same order.
-fn describe(run: &Run) -> Vec<(String, String)> {
-    let (version, train) = settings(run);
-    let mut flat = vec![("version".to_owned(), version)];
-    let value = serde_json::to_value(&train).unwrap_or_default();
-    for (key, value) in value.as_object().into_iter().flatten() {
-        match value.as_object() {
-            Some(inner) => flat.extend(inner.iter().map(|(key, value)| (key.clone(), value.to_string()))),
-            None => flat.push((key.clone(), value.to_string())),
+                },
+            )),
         }
     }
-    flat
-}
-
-/// Everything that the tables and figures say (schema `tracklens/report/1`).
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RunsReport {
-    /// `tracklens/report/1`.
-    pub schema: String,
-    /// The version that computed it.
-    pub version: String,
-    /// What the intervals are.
-    pub intervals: String,
-    /// The groups, by name.
-    pub groups: Vec<GroupReport>,
-    /// Of each object, how probable it is that a run of one group has a lower error than one of another.
-    pub improvement: Vec<ImprovementReport>,
-}
-
-/// One group of a [`RunsReport`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct GroupReport {
-    /// Its name.
-    pub name: String,
-    /// Complete runs; all numbers are over these.
-    pub complete: usize,
-    /// The others, with the reason.
-    pub incomplete: Vec<String>,
-    /// Epochs of the complete runs.
-    pub epochs: u32,
-    /// Mean TC over the runs, and its interval; null without a complete run.
-    pub tc: Option<f64>,
-    /// 95 % interval of the mean TC.
-    pub tc_interval: Option<[f64; 2]>,
-    /// The objects.
-    pub objects: Vec<ObjectRunsReport>,
-    /// The runs that count.
-    pub runs: Vec<RunReport>,
-}
-
-/// One run of a [`GroupReport`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RunReport {
-    /// Its folder.
-    pub name: String,
-    /// Its seed.
-    pub seed: u64,
-    /// TC at the end, with the thresholds of the report.
-    pub tc: f64,
-    /// Tracking errors at the end, in the order of the objects.
-    pub errors: Vec<Option<f64>>,
-    /// Validation reconstruction loss at the end.
-    pub reconstruction: f64,
-}
-
-/// One object of a [`GroupReport`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ObjectRunsReport {
-    /// Its name.
-    pub name: String,
-    /// Its threshold.
-    pub threshold: f64,
-    /// Runs in which it was visible.
-    pub count: usize,
-    /// TC_k: the share of runs that track it.
-    pub tc: Option<f64>,
-    /// 95 % interval of TC_k.
-    pub tc_interval: Option<[f64; 2]>,
-    /// Mean of the tracking errors.
-    pub mean: Option<f64>,
-    /// Their variance, with one less than their number below.
-    pub variance: Option<f64>,
-    /// Minimum, lower quartile, median, upper quartile, maximum.
-    pub quartiles: Option<[f64; 5]>,
-    /// Interquartile mean as rliable has it: trimmed by a quarter on both sides.
-    pub iqm_trimmed: Option<f64>,
-    /// Interquartile mean between the quartiles.
-    pub iqm_window: Option<f64>,
-    /// 95 % interval of the trimmed interquartile mean.
-    pub iqm_interval: Option<[f64; 2]>,
-}
-
-/// One object and two groups of a [`RunsReport`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ImprovementReport {
-    /// The object.
-    pub object: String,
-    /// The group that is asked about.
-    pub group: String,
-    /// The group that it is compared with.
-    pub over: String,
-    /// The probability that a run of `group` has a lower error than one of `over`.
-    pub probability: f64,
-}
-
-impl RunsReport {
-    /// The statistics of `runs`, with intervals of `resamples` draws.
-    ///
-    /// # Errors
-    /// When an error in a log is not a number.
-    pub fn new(runs: &Runs, resamples: usize, seed: u64) -> Result<Self> {
-        let groups: Vec<GroupReport> = runs
-            .groups
-            .iter()
-            .map(|group| GroupReport::new(group, &runs.objects, resamples, seed))
-            .collect::<Result<_>>()?;
-        let mut improvement = Vec::new();
-        for (k, (object, _)) in runs.objects.iter().enumerate() {
-            let errors = |group: &GroupReport| {
-                group
-                    .runs
-                    .iter()
-                    .filter_map(|run| run.errors[k])
-                    .collect::<Vec<f64>>()
+    for (name, mut alike) in architectures {
+        let described: Vec<Vec<(String, String)>> =
+            alike.iter().map(|(settings, _)| settings.clone()).collect();
+        for (settings, group) in alike.iter_mut().filter(|_| described.len() > 1) {
+            let differs =
+                |setting: &&(String, String)| described.iter().any(|other| !other.contains(setting));
+            let told = settings.iter().filter(differs);
+            let told: Vec<String> = told.map(|(key, value)| format!("{key} {value}")).collect();
+            group.name = match told.is_empty() {
+                true => name.clone(),
+                false => format!("{name} ({})", told.join(", ")),
             };
-            for group in &groups {
-                for over in groups.iter().filter(|over| over.name != group.name) {
-                    let (a, b) = (errors(group), errors(over));
-                    if a.is_empty() || b.is_empty() {
-                        continue;
-                    }
-                    improvement.push(ImprovementReport {
-                        object: object.clone(),
-                        group: group.name.clone(),
-                        over: over.name.clone(),
-                        probability: probability_of_improvement(&a, &b)?,
-                    });
-                }
-            }
         }
-        Ok(Self {
-            schema: "tracklens/report/1".to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            intervals: format!("95 % percentile bootstrap over runs, {resamples} resamples, seed {seed}"),
-            groups,
-            improvement,
-        })
+        all.extend(alike.into_iter().map(|(_, group)| group));
+    }
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
+}
+
+/// What a run belongs to by its name: the last part without the file's ending and the number at its end, or the folder where
+/// that says no more than which seed or checkpoint it is.
+fn family(name: &str) -> String {
+    let mut parts = name.split(['/', '\\']).filter(|part| !part.is_empty()).rev();
+    let last = parts.next().unwrap_or(name);
+    let separators = ['-', '_', ' ', '.', '='];
+    let stem = last.rsplit_once('.').map_or(last, |(stem, _)| stem);
+    let stem = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    let stem = stem.trim_end_matches(separators);
+    let own = ["seed", "run", "checkpoint_best", "checkpoint_final"]
+        .iter()
+        .find_map(|word| stem.strip_suffix(word))
+        .map_or(stem, |stem| stem.trim_end_matches(separators));
+    match (own.is_empty(), parts.next()) {
+        (false, _) => own.to_owned(),
+        (true, folder) => folder.unwrap_or(name).to_owned(),
     }
 }
 
-impl GroupReport {
-    fn new(group: &Group, objects: &[(String, f64)], resamples: usize, seed: u64) -> Result<Self> {
-        let runs: Vec<RunReport> = group
-            .complete()
-            .map(|run| {
-                let errors: Vec<Option<f64>> = objects.iter().map(|(name, _)| run.error(name)).collect();
-                let tracked = errors
-                    .iter()
-                    .zip(objects)
-                    .filter(|(e, (_, threshold))| e.is_some_and(|e| e <= *threshold));
-                RunReport {
-                    name: run.name.clone(),
-                    seed: run.config.train.seed,
-                    tc: tracked.count() as f64 / objects.len().max(1) as f64,
-                    reconstruction: run
-                        .epochs
-                        .last()
-                        .map_or(f64::NAN, |e| e.validation.reconstruction),
-                    errors,
-                }
-            })
-            .collect();
-        let mean = |values: &[f64]| -> Option<f64> {
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-        };
-        // Of one value there is no interval.
-        let interval = |values: &[f64],
-                        statistic: &dyn Fn(&[f64]) -> Result<f64>|
-         -> Result<Option<[f64; 2]>> {
-            let strata = [values.to_vec()];
-            (values.len() > 1)
-                .then(|| stratified_interval(&strata, resamples, LEVEL, seed, |drawn| statistic(&drawn[0])))
-                .transpose()
-        };
-        let average = |values: &[f64]| Ok(mean(values).unwrap_or(f64::NAN));
-        let capabilities: Vec<f64> = runs.iter().map(|run| run.tc).collect();
-        let mut reports = Vec::new();
-        for (k, (name, threshold)) in objects.iter().enumerate() {
-            let errors: Vec<f64> = runs.iter().filter_map(|run| run.errors[k]).collect();
-            let tracked: Vec<f64> = errors
-                .iter()
-                .map(|e| f64::from(u8::from(e <= threshold)))
-                .collect();
-            let sample = (!errors.is_empty()).then(|| Sample::of(&errors)).transpose()?;
-            reports.push(ObjectRunsReport {
-                name: name.clone(),
-                threshold: *threshold,
-                count: errors.len(),
-                tc: mean(&tracked),
-                tc_interval: interval(&tracked, &average)?,
-                mean: sample.map(|s| s.mean),
-                variance: sample.map(|s| s.variance).filter(|v| v.is_finite()),
-                quartiles: sample.map(|s| s.quartiles),
-                iqm_trimmed: sample.map(|_| trimmed_mean(&errors)).transpose()?,
-                iqm_window: sample.map(|_| quantile_window_mean(&errors)).transpose()?,
-                iqm_interval: interval(&errors, &trimmed_mean)?,
-            });
-        }
-        Ok(Self {
-            name: group.name.clone(),
-            complete: runs.len(),
-            incomplete: group
-                .runs
-                .iter()
-                .filter_map(|run| Some(format!("{}: {}", run.name, run.incomplete.as_ref()?)))
-                .collect(),
-            epochs: group
-                .complete()
-                .map(|run| run.epochs.len() as u32)
-                .max()
-                .unwrap_or(0),
-            tc: mean(&capabilities),
-            tc_interval: interval(&capabilities, &average)?,
-            objects: reports,
-            runs,
-        })
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-    /// How an object fares.
-    pub fn object(&self, name: &str) -> Option<&ObjectRunsReport> {
-        self.objects.iter().find(|object| object.name == name)
+    #[test]
+    fn names_without_their_numbers_are_families() {
+        for (name, expected) in [
+            ("runs/basic-kp32/seed-03", "basic-kp32"),
+            ("runs/basic/seed-03.partial", "basic"),
+            ("detector_b_seed12.csv", "detector_b"),
+            ("mine/checkpoint_final.safetensors", "mine"),
+            ("ours/run7/", "ours"),
+            ("7", "7"),
+        ] {
+            assert_eq!(family(name), expected, "{name}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use js_sys::{Float64Array, Object, Reflect};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
 use super::frames::{FrameIndex, JsJoin, sequences_to_js};
@@ -11,6 +11,7 @@ use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
+use crate::error::Error;
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::EvaluationReport;
 use crate::scoring;
@@ -46,6 +47,19 @@ impl ScoreOptions {
             rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
         })
     }
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct SequenceError {
+    sequence: String,
+    start: usize,
+    length: usize,
+    frames: u64,
+    error: f64,
+    worst: usize,
+    worst_frame: u64,
+    worst_error: f64,
 }
 
 #[wasm_bindgen]
@@ -147,6 +161,56 @@ impl Scoring {
             options.image_size,
             Some(&self.join.report),
         ))
+    }
+
+    /// The keypoints of a joined frame, N x 2.
+    ///
+    /// # Errors
+    /// When there is no such frame.
+    #[wasm_bindgen(js_name = keypointsAt)]
+    pub fn keypoints_at(&self, frame: usize) -> JsResult<Vec<f64>> {
+        let points = self.scoring.keypoints(frame).ok_or_else(|| {
+            let frames = self.frames();
+            js_error(&Error::input(format!(
+                "there is no frame {frame}; expected one below {frames}"
+            )))
+        })?;
+        Ok(points.iter().copied().collect())
+    }
+
+    /// The error of an object with a keypoint by the sequence, the worst one first.
+    ///
+    /// # Errors
+    /// When there is no such object or keypoint.
+    #[wasm_bindgen(js_name = sequenceErrors)]
+    pub fn sequence_errors(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
+        let settings = ScoreOptions::from_js(options, "sequenceErrors")?.settings()?;
+        let errors = self.scoring.sequence_errors(object, keypoint, &settings);
+        let errors: Vec<SequenceError> = errors
+            .map_err(|e| js_error(&e))?
+            .into_iter()
+            .map(|error| SequenceError {
+                sequence: error.range.name,
+                start: error.range.start,
+                length: error.range.length,
+                frames: error.frames,
+                error: error.error,
+                worst: error.worst,
+                worst_frame: self.scoring.keys()[error.worst].frame,
+                worst_error: error.worst_error,
+            })
+            .collect();
+        to_js(&errors)
+    }
+
+    /// The squared distance between an object and a keypoint under its map in every joined frame.
+    ///
+    /// # Errors
+    /// When there is no such object or keypoint.
+    pub fn distances(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<Vec<f64>> {
+        let settings = ScoreOptions::from_js(options, "distances")?.settings()?;
+        let distances = self.scoring.distances(object, keypoint, &settings);
+        distances.map_err(|e| js_error(&e))
     }
 
     /// An object, a keypoint, and the keypoint under its map, over the joined frames.

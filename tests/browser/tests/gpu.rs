@@ -1,12 +1,10 @@
 //! Extraction on WebGPU in headless Chromium, on SwiftShader (Vulkan on the CPU), against the `tracklens` command.
 
-mod browser;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use browser::{Page, example, site, tracklens};
 use serde_json::Value;
+use tracklens_page_tests::{Page, Server, example, site, tracklens};
 
 /// WebGPU on SwiftShader.
 const SOFTWARE: [&str; 3] = [
@@ -16,7 +14,7 @@ const SOFTWARE: [&str; 3] = [
 ];
 
 /// The page takes a program that acts as a GPU for one.
-const ALLOWED: &str = "?gpu=software";
+const ALLOWED: &str = "/?gpu=software";
 
 /// Other kernels add up in another order: the page uses a GPU that agrees with the CPU to 1e-3, and this one is far closer.
 const KEYPOINTS: f64 = 1e-4;
@@ -59,6 +57,13 @@ fn frames(sequences: usize, times: usize) -> tempfile::TempDir {
     folder
 }
 
+/// The page, and under `/hooks/` what tests put in the place of a script.
+async fn open(path: &str, arguments: &[&str], script: &str) -> Page {
+    let hooks = Path::new(env!("CARGO_MANIFEST_DIR")).join("hooks");
+    let server = Server::start(site(), &[("hooks", hooks)]).await;
+    Page::open_prepared(arguments, server, path, script).await
+}
+
 /// Takes the files and extracts on the device chosen.
 async fn extract(page: &Page, device: &str, folder: &Path) {
     page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
@@ -77,7 +82,7 @@ async fn extract(page: &Page, device: &str, folder: &Path) {
 fn hook(script: &str) -> String {
     format!(
         "const Plain = Worker; globalThis.Worker = class extends Plain {{ constructor(url, options) {{ \
-         super(String(url).endsWith('/gpu-worker.js') ? new URL('{script}', location.href) : url, options); }} }};"
+         super(String(url).endsWith('/gpu-worker.js') ? new URL('hooks/{script}', location.href) : url, options); }} }};"
     )
 }
 
@@ -141,7 +146,7 @@ async fn the_gpu_finds_the_keypoints_of_the_cpu() {
     if skipped() {
         return;
     }
-    let page = Page::open_at(ALLOWED, &SOFTWARE, "").await;
+    let page = open(ALLOWED, &SOFTWARE, "").await;
     // A batch and a part of one, and a frame that the GPU leaves to the CPU, which says what is wrong with it.
     let folder = frames(2, 1);
     let broken = folder.path().join("seq_0004").join("frame_003.png");
@@ -167,7 +172,7 @@ async fn a_gpu_that_is_lost_is_followed_by_the_cpu_without_a_gap() {
     if skipped() {
         return;
     }
-    let page = Page::open_at(ALLOWED, &SOFTWARE, &hook("gpu-lost.js")).await;
+    let page = open(ALLOWED, &SOFTWARE, &hook("gpu-lost.js")).await;
     page.value(
         "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
          if (document.querySelector('#devices').dataset.device === 'gpu' && Number(place.dataset.done) > 1) { \
@@ -200,7 +205,7 @@ async fn a_gpu_that_computes_wrongly_is_not_used() {
     if skipped() {
         return;
     }
-    let page = Page::open_at(ALLOWED, &SOFTWARE, &hook("gpu-wrong.js")).await;
+    let page = open(ALLOWED, &SOFTWARE, &hook("gpu-wrong.js")).await;
     let folder = frames(1, 1);
     extract(&page, "gpu", folder.path()).await;
     page.until_scored().await;
@@ -219,7 +224,7 @@ async fn the_faster_device_is_chosen_by_their_times_and_both_are_told() {
     if skipped() {
         return;
     }
-    let page = Page::open_at(ALLOWED, &SOFTWARE, "").await;
+    let page = open(ALLOWED, &SOFTWARE, "").await;
     // Many seconds of work, of which the test sees the beginning.
     let folder = frames(usize::MAX, 40);
     extract(&page, "automatic", folder.path()).await;
@@ -257,20 +262,20 @@ async fn without_a_gpu_nothing_of_it_is_fetched() {
             "the only GPU here is a program on the CPU (google swiftshader)",
         ),
     ] {
-        let page = Page::open_at("", arguments, script).await;
+        let page = open("/", arguments, script).await;
         let folder = frames(1, 1);
         extract(&page, "gpu", folder.path()).await;
         page.until_scored().await;
         assert_eq!(device(&page, "device").await, "cpu");
         assert_eq!(device(&page, "reason").await, why);
-        for path in [
-            "/gpu-worker.js",
-            "/pkg/gpu.js",
-            "/pkg/tracklens_gpu.js",
-            "/pkg/tracklens_gpu_bg.wasm",
-        ] {
-            assert!(!page.asked_for(path), "{path} was fetched");
-        }
+        // The small scripts are among what is kept for use without a network.
+        let asked = page.server.take_requests();
+        assert!(
+            !asked
+                .iter()
+                .any(|request| request.contains("tracklens_gpu_bg.wasm")),
+            "{asked:?}"
+        );
         page.close().await;
     }
 }

@@ -28,7 +28,7 @@ type Area<'a> = DrawingArea<Backend<'a>, Shift>;
 type Done<T = ()> = std::result::Result<T, DrawingAreaErrorKind<std::io::Error>>;
 
 /// One figure in a file or on a page.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Figure {
     /// The name of its files, without the ending.
     pub name: String,

@@ -1,0 +1,273 @@
+//! Trajectories of runs of `tracklens report` on the frames of their data set.
+
+use std::collections::BTreeSet;
+use std::path::Path as FilePath;
+
+use super::files;
+use crate::data::{Filter, Frame, FrameSource, SequenceRange, join};
+use crate::engine::Encoder;
+use crate::error::{Error, ErrorKind, Result};
+use crate::extract::{CpuExtractor, Extractor as _};
+use crate::report::{Figure, Group, ObjectReport, Path, Run, Runs, Scene, trajectories};
+use crate::track::GroundTruth;
+
+/// Sequences that are drawn when none are asked for.
+const SHOWN: usize = 4;
+/// Frames are made smaller than this, in pixels: they are drawn in half of it.
+const LARGEST: u32 = 440;
+/// The weights that the errors of the last epoch belong to.
+const CHECKPOINT: &str = "checkpoint_final.safetensors";
+
+/// A figure a group, of the run in its middle. Groups whose run has no weights or no maps are said and left out.
+pub(super) fn figures(
+    runs: &Runs,
+    frames: &dyn FrameSource,
+    truth: &GroundTruth,
+    asked: &[String],
+) -> Result<Vec<Figure>> {
+    let all = frames.index().sequences();
+    if let Some(unknown) = asked
+        .iter()
+        .find(|name| !all.iter().any(|range| range.name == **name))
+    {
+        return Err(Error::mismatch(format!(
+            "there is no sequence `{unknown}` among the frames; they have {}, …",
+            all.iter()
+                .take(3)
+                .map(|range| range.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
+        )));
+    }
+    let mut figures = Vec::new();
+    for group in &runs.groups {
+        let Some(run) = middle(group, &runs.objects) else {
+            continue;
+        };
+        match figure(group, run, &runs.objects, frames, truth, asked) {
+            Ok(figure) => figures.push(figure),
+            Err(e) if e.kind() == ErrorKind::Cancelled => return Err(e),
+            Err(e) => eprintln!("warning: no trajectories of {}: {e}", group.name),
+        }
+    }
+    Ok(figures)
+}
+
+/// The complete run whose errors, each over its threshold, have the median sum (the lower one of two): neither the best nor
+/// the worst.
+fn middle<'a>(group: &'a Group, objects: &[(String, f64)]) -> Option<&'a Run> {
+    let sum = |run: &Run| -> f64 {
+        let errors = objects
+            .iter()
+            .filter_map(|(name, threshold)| Some(run.error(name)? / threshold));
+        errors.sum()
+    };
+    let mut complete: Vec<&Run> = group.complete().collect();
+    complete.sort_by(|a, b| sum(a).total_cmp(&sum(b)));
+    complete.get(complete.len().saturating_sub(1) / 2).copied()
+}
+
+fn figure(
+    group: &Group,
+    run: &Run,
+    objects: &[(String, f64)],
+    frames: &dyn FrameSource,
+    truth: &GroundTruth,
+    asked: &[String],
+) -> Result<Figure> {
+    let config = run
+        .config
+        .as_ref()
+        .ok_or_else(|| Error::input("it is no training"))?;
+    let evaluation = run.evaluation.as_ref().ok_or_else(|| {
+        Error::input("its summary.json holds no maps from keypoints to objects").at(&run.name)
+    })?;
+    let fits: Vec<&ObjectReport> = objects
+        .iter()
+        .filter_map(|(name, _)| evaluation.objects.iter().find(|o| o.name == *name))
+        .filter(|object| object.map.is_some() && object.best_keypoint.is_some())
+        .collect();
+    if fits.is_empty() {
+        return Err(Error::numeric("no object is visible in its validation sequences").at(&run.name));
+    }
+    let columns: Vec<usize> = fits
+        .iter()
+        .map(|fit| {
+            truth
+                .names()
+                .iter()
+                .position(|name| *name == fit.name)
+                .ok_or_else(|| {
+                    Error::mismatch(format!(
+                        "the ground truth has no object `{}`; it has {}",
+                        fit.name,
+                        truth.names().join(", ")
+                    ))
+                })
+        })
+        .collect::<Result<_>>()?;
+
+    let rows = rows(frames, truth)?;
+    let all = frames.index().sequences();
+    let chosen: Vec<&SequenceRange> = match asked.is_empty() {
+        false => asked
+            .iter()
+            .filter_map(|name| all.iter().find(|range| range.name == *name))
+            .collect(),
+        true => {
+            let validation: BTreeSet<&str> = config.validation_sequences.iter().map(String::as_str).collect();
+            let mut own: Vec<&SequenceRange> = all
+                .iter()
+                .filter(|range| validation.contains(range.name.as_str()))
+                .collect();
+            if own.is_empty() {
+                return Err(Error::mismatch(
+                    "none of its validation sequences is among the frames; are they of another data set?",
+                )
+                .at(&run.name));
+            }
+            let motion = |range: &SequenceRange| motion(range, &rows, truth, &columns);
+            own.sort_by(|a, b| motion(b).total_cmp(&motion(a)).then_with(|| a.name.cmp(&b.name)));
+            own.truncate(SHOWN);
+            own
+        }
+    };
+
+    let path = FilePath::new(&run.name).join(CHECKPOINT);
+    let encoder = Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
+    let mut extractor = CpuExtractor::new(encoder);
+    let mut scenes = Vec::new();
+    for range in chosen {
+        let trained = config.training_sequences.contains(&range.name);
+        let mut scene = scene(range, frames, &mut extractor, &fits, |t, k| {
+            rows[t].map_or([f64::NAN; 2], |row| {
+                let point = truth.frame(row);
+                [point[[columns[k], 0]], point[[columns[k], 1]]]
+            })
+        })?;
+        if trained {
+            scene.title += " (trained on)";
+        }
+        scenes.push(scene);
+    }
+    let details: Vec<(String, String)> = fits
+        .iter()
+        .map(|fit| {
+            let keypoint = fit.best_keypoint.unwrap_or_default();
+            let error = fit.error.map_or_else(String::new, |e| format!("error {e:.4}"));
+            let verdict = if fit.tracked { "tracked" } else { "not tracked" };
+            (
+                fit.name.clone(),
+                format!("keypoint {keypoint}\n{error}\n{verdict}"),
+            )
+        })
+        .collect();
+    let seed = run
+        .seed
+        .map_or_else(String::new, |seed| format!(" (seed {seed})"));
+    let which = match asked.is_empty() {
+        true => "the validation sequences in which the objects move furthest",
+        false => "sequences that were asked for",
+    };
+    let of = match group.complete().count() {
+        1 => "its one run".to_owned(),
+        n => format!("the run in the middle of {n}, by the sum of its errors over their thresholds"),
+    };
+    let caption = format!(
+        "Trajectories of {}{seed}, {of}, on {which}: objects white, best keypoints red, and blue under the map that was \
+         fitted on all validation sequences; a dot where they start, on the first frame. Errors are those on all validation \
+         sequences; what lies outside the image is drawn at its edge.",
+        group.name
+    );
+    trajectories(
+        &format!("trajectories-{}", group.name),
+        caption,
+        &details,
+        &scenes,
+    )
+}
+
+/// For each frame its row of ground truth.
+fn rows(frames: &dyn FrameSource, truth: &GroundTruth) -> Result<Vec<Option<usize>>> {
+    let mut rows = vec![None; frames.index().keys().len()];
+    for (frame, row) in join(frames.index().keys(), truth.keys())?.pairs {
+        rows[frame] = Some(row);
+    }
+    Ok(rows)
+}
+
+/// How far the objects move in a sequence, in ndc: the lengths of their paths, added up.
+fn motion(range: &SequenceRange, rows: &[Option<usize>], truth: &GroundTruth, columns: &[usize]) -> f64 {
+    let seen: Vec<usize> = (range.start..range.start + range.length)
+        .filter_map(|t| rows[t])
+        .collect();
+    let step = |pair: &[usize], k: usize| {
+        let [a, b] = [pair[0], pair[1]].map(|row| truth.frame(row));
+        let length = (b[[k, 0]] - a[[k, 0]]).hypot(b[[k, 1]] - a[[k, 1]]);
+        if length.is_finite() { length } else { 0.0 }
+    };
+    seen.windows(2)
+        .map(|pair| columns.iter().map(|k| step(pair, *k)).sum::<f64>())
+        .sum()
+}
+
+fn scene(
+    range: &SequenceRange,
+    frames: &dyn FrameSource,
+    extractor: &mut CpuExtractor<Encoder>,
+    fits: &[&ObjectReport],
+    truth: impl Fn(usize, usize) -> [f64; 2],
+) -> Result<Scene> {
+    let empty = || Path {
+        truth: Vec::new(),
+        keypoint: Vec::new(),
+        transformed: Vec::new(),
+    };
+    let mut paths: Vec<Path> = fits.iter().map(|_| empty()).collect();
+    let mut shown = None;
+    for t in range.start..range.start + range.length {
+        let frame = frames.read(t)?;
+        let found = extractor
+            .extract_frame(&frame)
+            .map_err(|e| e.at(&frames.index().keys()[t]))?;
+        let grid = extractor.grid(found.image_size);
+        for (k, (fit, path)) in fits.iter().zip(&mut paths).enumerate() {
+            let (Some(n), Some(map)) = (fit.best_keypoint, fit.map) else {
+                continue;
+            };
+            let point = found.points.get(n).ok_or_else(|| {
+                Error::mismatch(format!(
+                    "its checkpoint has no keypoint {n}, which its summary.json names"
+                ))
+            })?;
+            let [x, y] = point.map(f64::from);
+            path.truth.push(truth(t, k));
+            path.keypoint.push(grid.to_image([x, y]));
+            path.transformed
+                .push([0, 1].map(|axis| map.a[axis][0] * x + map.a[axis][1] * y + map.b[axis]));
+        }
+        shown.get_or_insert(frame);
+    }
+    let frame = shown.ok_or_else(|| Error::input(format!("sequence {} has no frame", range.name)))?;
+    let small = shrunk(frame)?;
+    Ok(Scene {
+        title: range.name.clone(),
+        png: small.to_png()?,
+        size: [small.width(), small.height()],
+        paths,
+    })
+}
+
+/// The frame, made smaller where it is larger than what is drawn.
+fn shrunk(frame: Frame) -> Result<Frame> {
+    let largest = frame.width().max(frame.height());
+    if largest <= LARGEST {
+        return Ok(frame);
+    }
+    let side = |side: u32| (side * LARGEST / largest).max(1);
+    let size = [side(frame.width()), side(frame.height())];
+    let planar = frame.to_planar(Some(size.map(|s| s as usize)), Filter::BilinearAntialias);
+    let pixels = (size[0] * size[1]) as usize;
+    let byte = |i: usize| (planar[i % 3 * pixels + i / 3].clamp(0.0, 1.0) * 255.0).round() as u8;
+    Frame::new(size[0], size[1], (0..3 * pixels).map(byte).collect())
+}

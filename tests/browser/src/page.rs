@@ -1,0 +1,244 @@
+//! The built page, open in a browser.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use thirtyfour::prelude::*;
+
+use crate::browser::{Browser, Session};
+use crate::server::{Server, WATCH};
+
+/// Longer than anything takes on a busy machine; a test that waits this long has failed.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The built page, open in a browser of its own.
+pub struct Page {
+    /// Its driver.
+    pub driver: WebDriver,
+    /// What serves it.
+    pub server: Server,
+    session: Session,
+}
+
+/// The folder of the built site.
+pub fn site() -> PathBuf {
+    from_environment("TRACKLENS_SITE")
+}
+
+/// A file or folder of the site's example.
+pub fn example(name: &str) -> PathBuf {
+    site().join("example").join(name)
+}
+
+/// What the `tracklens` command prints.
+pub fn tracklens(arguments: &[&str]) -> Vec<u8> {
+    let binary = from_environment("TRACKLENS_BIN");
+    let output = Command::new(&binary)
+        .args(arguments)
+        .output()
+        .expect("the binary runs");
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output.stdout
+}
+
+fn from_environment(name: &str) -> PathBuf {
+    let Some(path) = std::env::var_os(name) else {
+        panic!("{name} is not set; run `cargo xtask test`, which builds the site and the binary first");
+    };
+    PathBuf::from(path)
+}
+
+impl Page {
+    /// Opens the page in Chromium and waits until it is ready.
+    pub async fn open() -> Self {
+        Self::open_in(Browser::Chromium).await
+    }
+
+    /// Opens the page and waits until it is ready.
+    pub async fn open_in(browser: Browser) -> Self {
+        let server = match browser {
+            Browser::Chromium => Server::start(site(), &[]).await,
+            Browser::Firefox => Server::watched(site()).await,
+        };
+        let page = Self::open_at(browser, server, "/").await;
+        page.until("!document.querySelector('#try-example').disabled")
+            .await;
+        page
+    }
+
+    /// Opens the page in Chromium after a script that changes what it finds in its browser.
+    pub async fn open_with(script: &str) -> Self {
+        let page = Self::start(Browser::Chromium, &[], Server::start(site(), &[]).await, script).await;
+        page.goto("/").await;
+        page.until("!document.querySelector('#try-example').disabled")
+            .await;
+        page
+    }
+
+    /// Opens something on a server.
+    pub async fn open_at(browser: Browser, server: Server, path: &str) -> Self {
+        Self::open_with_arguments(browser, &[], server, path).await
+    }
+
+    /// Opens something on a server in a browser with more arguments on its command line.
+    pub async fn open_with_arguments(
+        browser: Browser,
+        arguments: &[&str],
+        server: Server,
+        path: &str,
+    ) -> Self {
+        let page = Self::start(browser, arguments, server, "").await;
+        page.goto(path).await;
+        page
+    }
+
+    /// Opens the page on a server in Chromium, with more arguments on its command line and after a script.
+    pub async fn open_prepared(arguments: &[&str], server: Server, path: &str, script: &str) -> Self {
+        let page = Self::start(Browser::Chromium, arguments, server, script).await;
+        page.goto(path).await;
+        page.until("!document.querySelector('#try-example').disabled")
+            .await;
+        page
+    }
+
+    /// A browser with an empty window; Chromium runs `script` before every page.
+    async fn start(browser: Browser, arguments: &[&str], server: Server, script: &str) -> Self {
+        let session = browser.start(arguments).await;
+        let page = Self {
+            driver: session.driver.clone(),
+            server,
+            session: session,
+        };
+        if browser == Browser::Chromium {
+            let source = json!({ "source": format!("{WATCH}\n{script}") });
+            page.cdp("Page.addScriptToEvaluateOnNewDocument", source).await;
+        }
+        page
+    }
+
+    /// Goes to a path of the server.
+    pub async fn goto(&self, path: &str) {
+        let url = format!("{}{path}", self.server.origin());
+        self.driver.goto(&url).await.expect("the page");
+    }
+
+    /// Sends a command of Chromium's own protocol.
+    pub async fn cdp(&self, command: &str, parameters: Value) -> Value {
+        let sent = self.driver.cdp().send_raw(command, parameters).await;
+        sent.unwrap_or_else(|e| panic!("{command}: {e}"))
+    }
+
+    /// The folder of the browser's profile, which its processes name.
+    pub fn profile(&self) -> &Path {
+        self.session.profile.path()
+    }
+
+    /// The value of a JavaScript expression.
+    pub async fn value(&self, expression: &str) -> Value {
+        let script = format!("return ({expression});");
+        let found = self.driver.execute(script, vec![]).await;
+        found
+            .unwrap_or_else(|e| panic!("{expression}: {e}"))
+            .json()
+            .clone()
+    }
+
+    /// The value of an expression as a number.
+    pub async fn number(&self, expression: &str) -> f64 {
+        let value = self.value(&format!("Number({expression})")).await;
+        value
+            .as_f64()
+            .unwrap_or_else(|| panic!("{expression} is {value}"))
+    }
+
+    /// Waits until an expression, or what it promises, is true. While the page goes elsewhere it is not.
+    pub async fn until(&self, expression: &str) {
+        let start = Instant::now();
+        let script = format!("return Promise.resolve({expression}).then(Boolean);");
+        loop {
+            let found = self.driver.execute(&script, vec![]).await;
+            if found
+                .as_ref()
+                .is_ok_and(|found| *found.json() == Value::Bool(true))
+            {
+                return;
+            }
+            if start.elapsed() > PATIENCE {
+                let error = found.err();
+                let shown = self.value("document.querySelector('main')?.innerText").await;
+                let complaints = self.value("globalThis.__complaints").await;
+                let shown = shown.as_str().unwrap_or_default();
+                panic!(
+                    "waited in vain for {expression} ({error:?}); complaints: {complaints}; the page shows:\n{shown}"
+                );
+            }
+            tokio::time::sleep(Duration::from_millis(40)).await;
+        }
+    }
+
+    /// Waits until the page shows a text.
+    pub async fn until_text(&self, text: &str) {
+        let quoted = Value::from(text);
+        self.until(&format!(
+            "document.querySelector('main').textContent.includes({quoted})"
+        ))
+        .await;
+    }
+
+    /// Clicks what a selector finds, once it is not disabled.
+    pub async fn click(&self, selector: &str) {
+        self.until(&format!(
+            "document.querySelector({0})?.disabled === false",
+            Value::from(selector)
+        ))
+        .await;
+        let element = self.driver.find(By::Css(selector)).await.expect("an element");
+        element.scroll_into_view().await.expect("in view");
+        element
+            .click()
+            .await
+            .unwrap_or_else(|e| panic!("{selector}: {e}"));
+    }
+
+    /// Picks files in the page's own input.
+    pub async fn pick(&self, files: &[&Path]) {
+        let paths: Vec<String> = files.iter().map(|f| f.to_string_lossy().into_owned()).collect();
+        self.input("#input-files", &paths.join("\n")).await;
+    }
+
+    /// Picks a folder in the page's own input.
+    pub async fn pick_folder(&self, folder: &Path) {
+        self.input("#input-folder", &folder.to_string_lossy()).await;
+    }
+
+    /// Picks paths, a line each, in an input that a selector finds.
+    pub async fn input(&self, selector: &str, paths: &str) {
+        let input = self.driver.find(By::Css(selector)).await.expect("an input");
+        input
+            .send_keys(paths)
+            .await
+            .unwrap_or_else(|e| panic!("{selector}: {e}"));
+    }
+
+    /// Waits until the results are there.
+    pub async fn until_scored(&self) {
+        self.until("document.querySelector('#results').dataset.tc !== undefined")
+            .await;
+    }
+
+    /// Nothing went wrong behind the scenes, and nothing was asked of anyone but the page's own server.
+    pub async fn close(self) {
+        let complaints = self.value("globalThis.__complaints").await;
+        assert_eq!(complaints, json!([]));
+        let others = "performance.getEntriesByType('resource').map((r) => r.name).filter((n) => \
+                      !n.startsWith(location.origin + '/') && !n.startsWith('blob:' + location.origin))";
+        assert_eq!(self.value(others).await, json!([]));
+        self.driver.clone().quit().await.expect("the browser ends");
+    }
+}
