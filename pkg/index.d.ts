@@ -290,6 +290,16 @@ export interface ScoreOptions {
   thresholds?: Record<string, number>;
   /** Width and height of the images, for errors in pixels. */
   imageSize?: [number, number];
+  /** Also fit and score on different sequences, in this many folds. */
+  folds?: number;
+  /** Also give 95 % intervals, from this many resamples of the sequences; {@link Scoring.bootstrap} does it in steps. */
+  bootstrap?: number;
+  /** Deals sequences to folds and draws the bootstrap; default 0. */
+  seed?: number;
+  /** Also give the errors by sequence. */
+  sequences?: boolean;
+  /** Also give what others measure: regression with PCK, min-cost assignment. */
+  context?: boolean;
 }
 
 /** One object of an {@link Evaluation}. Fields are `null` when the object is visible in no frame. */
@@ -298,6 +308,8 @@ export interface ObjectEvaluation {
   threshold: number;
   tracked: boolean;
   best_keypoint: number | null;
+  /** The keypoint with the second smallest error; absent with one keypoint. */
+  second_best?: { keypoint: number; error: number };
   /** The tracking error e: mean over time of the squared distance. */
   error: number | null;
   error_sum: number | null;
@@ -312,22 +324,126 @@ export interface ObjectEvaluation {
   map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
 }
 
-/** The result, as `tracklens score --json` prints it. */
+/** Held-out folds: maps and best keypoints are of the other folds. */
+export interface HeldOut {
+  folds: number;
+  seed: number;
+  tc: number;
+  /** `keypoints`: the best one on the other folds, by the fold. */
+  objects: { name: string; tracked: boolean; error: number | null; keypoints: (number | null)[] }[];
+}
+
+/** Percentile bootstrap over sequences. */
+export interface Intervals {
+  method: string;
+  level: number;
+  resamples: number;
+  seed: number;
+  tc: [number, number];
+  objects: { name: string; error: [number, number] | null }[];
+}
+
+/** What others measure; shares in the order of `close`. */
+export interface Context {
+  /** Distances as shares of the side of the image. */
+  close: number[];
+  /** Linear regression from all keypoints, with the percentage of correct keypoints (Jakab et al., 2018). */
+  regression: { object: string; held_out: boolean; frames: number; error: number | null; pck: number[] | null }[];
+  /** Min-cost assignment (Kulkarni et al., 2019). */
+  assignment: {
+    trajectory: "frame" | "sequence";
+    keypoints: number;
+    objects: number;
+    precision: number[];
+    recall: number[];
+  }[];
+}
+
+/** The result, as `tracklens score --json` prints it; `docs/metrics.md` describes every field. */
 export interface Evaluation {
   schema: "tracklens/evaluation/2";
   version: string;
+  /** The command that repeats it. */
+  command?: string;
   tc: number;
   frames: number;
   /** Frames left out because a keypoint was not finite. */
   excluded: number;
   transform: "identity" | "scale-translate" | "affine";
   rank: "reference" | "centred";
-  /** How fitting and scoring frames relate; always the same frames for now, as in the authors' code. */
+  /** How `objects` and `errors` were fitted and scored: on the same frames, as in the authors' code. */
   protocol: "fit-and-score-same-frames";
   objects: ObjectEvaluation[];
   /** Per object, the error of every keypoint. */
   errors: (number | null)[][];
   warnings: string[];
+  image_size?: [number, number];
+  join?: {
+    matched: number;
+    rules: string[];
+    unmatched_frames: { count: number; first: string[] };
+    unmatched_rows: { count: number; first: string[] };
+  };
+  /** With `folds`. */
+  held_out?: HeldOut;
+  /** With `bootstrap`. */
+  intervals?: Intervals;
+  /** With `sequences`: of the best keypoints, the worst sequence first. */
+  sequences?: {
+    object: string;
+    keypoint: number;
+    errors: { sequence: string; frames: number; error: number; worst_frame: number; worst_error: number }[];
+  }[];
+  /** With `context`. */
+  context?: Context;
+}
+
+/**
+ * Reads the JSON of an evaluation, of this schema or `tracklens/evaluation/1`. Throws when it is something else, not
+ * complete, or of a newer schema, and says what to do.
+ */
+export function parseEvaluation(bytes: Uint8Array, name: string): Evaluation;
+
+/** An evaluation as one HTML file with its figures, which runs no script and loads nothing. */
+export function evaluationPage(evaluation: Evaluation): string;
+
+/** An evaluation as CSV, one line an object, as `tracklens score --csv` prints it. */
+export function evaluationCsv(evaluation: Evaluation): string;
+
+/** The error of an object with a keypoint in one sequence. */
+export interface SequenceError {
+  sequence: string;
+  /** The joined frames of the sequence: position of the first one, and their number. */
+  start: number;
+  length: number;
+  /** Frames in which the object is visible. */
+  frames: number;
+  /** The mean squared distance over these. */
+  error: number;
+  /** The joined frame with the largest squared distance: its position, its number in the sequence, the distance. */
+  worst: number;
+  worstFrame: number;
+  worstError: number;
+}
+
+/** 95 % intervals over the sequences, drawn in steps; in all as with `bootstrap` of {@link ScoreOptions}. */
+export class Bootstrap {
+  private constructor();
+  /** Draws the sequences `resamples` times more. Throws when there are fewer than two. */
+  draw(resamples: number): void;
+  /** The intervals of what was drawn. */
+  intervals(): Intervals;
+  free(): void;
+}
+
+/** Files as they are named in a command: a table of keypoints, or a checkpoint and frames. */
+export interface CommandInputs {
+  truth: string;
+  keypoints?: string;
+  checkpoint?: string;
+  frames?: string;
+  /** Options of reading, word by word, e.g. `["--space", "px"]`. */
+  options?: string[];
 }
 
 /** Points over the joined frames, T x 2 each; NaN where the object is not visible. */
@@ -337,22 +453,6 @@ export interface Series {
   keypoint: Float64Array;
   /** The keypoint under the fitted map (ndc). */
   transformed: Float64Array;
-}
-
-/** How far a keypoint under its map is from an object in one sequence. */
-export interface SequenceError {
-  sequence: string;
-  /** Its joined frames. */
-  start: number;
-  length: number;
-  /** Frames in which the object is visible. */
-  frames: number;
-  /** The mean squared distance over these, ndc. */
-  error: number;
-  /** The joined frame with the largest squared distance, its number in the sequence, and that distance. */
-  worst: number;
-  worstFrame: number;
-  worstError: number;
 }
 
 /** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
@@ -382,8 +482,55 @@ export class Scoring {
   keypointsAt(frame: number): Float64Array;
   /** The points of object `object` and keypoint `keypoint` under the map of `options`. */
   series(object: number, keypoint: number, options?: ScoreOptions): Series;
+  bootstrap(options?: ScoreOptions): Bootstrap;
+  /** The command of the terminal that gives the same evaluation. */
+  command(inputs: CommandInputs, options?: ScoreOptions): string;
   free(): void;
 }
+
+/** Colours (CSS hex) and the height of the text of the figures of an evaluation. */
+export interface Theme {
+  foreground: string;
+  muted: string;
+  background: string;
+  grid: string;
+  good: string;
+  bad: string;
+  accent: string;
+  fontSize: number;
+}
+
+/** An SVG document, where its plot lies in it, and the values at the ends of the axes. */
+export interface Drawn {
+  svg: string;
+  width: number;
+  height: number;
+  /** Left, top, width and height. */
+  plot: [number, number, number, number];
+  x: [number, number];
+  y: [number, number];
+}
+
+/**
+ * The errors of all keypoints (columns) for all objects (rows) as a heat map; `chosen` are keypoints to outline in place of
+ * the best ones, by object, -1 for none. Without a theme figures are dark on white.
+ */
+export function matrixFigure(evaluation: Evaluation, chosen: Int32Array, theme: Theme | undefined, width: number): Drawn;
+/** TC over a common factor of all thresholds, on a logarithmic x axis; `factor` is marked. */
+export function capabilityFigure(
+  evaluation: Evaluation,
+  factor: number | undefined,
+  theme: Theme | undefined,
+  width: number,
+): Drawn;
+/** Errors by sequence on a logarithmic y axis, in the order given; the one at `selected` is marked. */
+export function sequencesFigure(
+  errors: Float64Array,
+  threshold: number,
+  selected: number | undefined,
+  theme: Theme | undefined,
+  width: number,
+): Drawn;
 
 /** A line over frames. Figures are of the part `figures`. */
 export interface LineSeries {

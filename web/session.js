@@ -2,7 +2,7 @@
 /**
  * What the page knows: the files taken, and everything that follows from them. The views read it and listen to
  * its events: `files`, `extraction`, `scoring` (another set of joined points), `evaluation` (other options over the
- * same points) and `selection`.
+ * same points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
  */
 
 import { FrameIndex, KeypointTable, Scoring, joinFrames, latentToImage } from "./pkg/index.js";
@@ -21,6 +21,7 @@ import { load, store } from "./settings.js";
  * @typedef {import("./intake.js").Slot} Slot
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
@@ -32,6 +33,11 @@ import { load, store } from "./settings.js";
  * @property {string} text
  * @property {{ label: string, run: () => void }} [action]
  */
+
+/** Of the intervals. */
+const RESAMPLES = 1000;
+/** Milliseconds that a step of drawing them may take, so that the page stays at hand. */
+const STEP_MS = 24;
 
 const TRANSFORMS = ["identity", "scale-translate", "affine"];
 const RANKS = ["reference", "centred"];
@@ -81,6 +87,10 @@ export class Session extends EventTarget {
   defaultThresholds = {};
   /** @type {ScoreOptions} */
   options;
+  /** What is asked of the sequences: folds to hold out (0: none), intervals. */
+  resampling = { folds: 0, intervals: false };
+  /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
+  intervals = null;
   /** Of the joined frames. @type {string[]} */
   objects = [];
   /** The joined frames by sequence. @type {SequenceRange[]} */
@@ -306,6 +316,7 @@ export class Session extends EventTarget {
     this.frameSources = [];
     this.join = null;
     this.options = this.#startOptions();
+    this.resampling = { folds: 0, intervals: false };
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
@@ -395,6 +406,55 @@ export class Session extends EventTarget {
     this.#evaluate();
   }
 
+  /** @param {Partial<Session["resampling"]>} resampling */
+  setResampling(resampling) {
+    Object.assign(this.resampling, resampling);
+    this.#evaluate();
+  }
+
+  /** The number of folds that are held out; no more than there are sequences. */
+  get folds() {
+    const folds = Math.min(this.resampling.folds, this.sequences.length);
+    return folds < 2 ? 0 : folds;
+  }
+
+  /**
+   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure, the command.
+   * @returns {Evaluation | null}
+   */
+  completeEvaluation() {
+    if (!this.scoring || !this.evaluation) return this.evaluation;
+    const options = { ...this.#scoreOptions(), sequences: true, context: true };
+    const evaluation = this.scoring.evaluate(options);
+    if (this.intervals) evaluation.intervals = this.intervals;
+    return { ...evaluation, command: this.command() };
+  }
+
+  /** What others measure of the same frames; takes a while. */
+  context() {
+    const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
+    return evaluation?.context ?? this.evaluation?.context ?? null;
+  }
+
+  /** The command of the terminal that repeats the evaluation. */
+  command() {
+    if (!this.scoring) return this.evaluation?.command ?? "";
+    const truth = this.used("ground-truth");
+    const table = this.used("keypoints");
+    const keypoints = table?.path;
+    const read = [...readingWords(truth?.options, "--"), ...readingWords(table?.options, "--keypoints-")];
+    const axes = truth?.options.axisOrder ?? table?.options.axisOrder;
+    const inputs = {
+      truth: truth?.path ?? "ground_truth.csv",
+      options: axes ? [...read, "--axis-order", axes] : read,
+      ...(keypoints
+        ? { keypoints }
+        : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
+    };
+    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
+    return this.scoring.command(inputs, { ...this.#scoreOptions(), ...bootstrap });
+  }
+
   /** Those of the last visit, where there was one. */
   #startOptions() {
     return optionsFrom(this.#remembers ? load("score") : {});
@@ -457,7 +517,44 @@ export class Session extends EventTarget {
     if (keypoint === null) this.#chosen.delete(object);
     else this.#chosen.set(object, keypoint);
     this.selection = { ...this.selection, object };
-    this.#emit("selection");
+    for (const topic of ["selection", "choice"]) this.#emit(topic);
+  }
+
+  /** Shows every object with its best keypoint. */
+  chooseBest() {
+    this.#chosen.clear();
+    for (const topic of ["selection", "choice"]) this.#emit(topic);
+  }
+
+  /**
+   * Whether an object is shown with a keypoint other than its best one.
+   * @param {number} object
+   */
+  isChosen(object) {
+    return this.keypointOf(object) !== (this.evaluation?.objects[object]?.best_keypoint ?? null);
+  }
+
+  /**
+   * The error of an object with a keypoint by sequence, the worst one first.
+   * @param {number} object
+   * @param {number} keypoint
+   */
+  errorsBySequence(object, keypoint) {
+    return this.scoring?.sequenceErrors(object, keypoint, this.#mapOptions()) ?? [];
+  }
+
+  /**
+   * The joined frames in which an object is furthest from a keypoint under its map (squared distance, ndc).
+   * @param {number} object
+   * @param {number} keypoint
+   * @param {number} most
+   */
+  worstFrames(object, keypoint, most) {
+    const distances = this.scoring?.distances(object, keypoint, this.#mapOptions()) ?? new Float64Array();
+    const visible = Array.from(distances, (distance, frame) => ({ frame, distance })).filter(
+      ({ distance }) => !Number.isNaN(distance),
+    );
+    return visible.sort((a, b) => b.distance - a.distance).slice(0, most);
   }
 
   /** Width and height of the images, when it is known and the same for all. */
@@ -502,7 +599,7 @@ export class Session extends EventTarget {
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
     if (!series) {
-      const options = this.#scoreOptions();
+      const options = this.#mapOptions();
       const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
       const distances = this.scoring.distances(object, keypoint, options);
       series = { truth, keypoint: this.#place(raw), transformed, distances };
@@ -906,7 +1003,7 @@ export class Session extends EventTarget {
     this.#series.clear();
     try {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
-      const defaults = this.scoring.evaluate({ ...this.#scoreOptions(), thresholds: {} });
+      const defaults = this.scoring.evaluate(this.#mapOptions());
       this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
       this.problems.delete("evaluation");
     } catch (error) {
@@ -914,7 +1011,37 @@ export class Session extends EventTarget {
       this.#report("evaluation", "error", messageOf(error));
       this.#emit("files");
     }
+    this.intervals = null;
     this.#emit("evaluation");
+    void this.#drawIntervals();
+  }
+
+  /** Draws the intervals in steps, until they are there or belong to another evaluation. */
+  async #drawIntervals() {
+    const { scoring, evaluation } = this;
+    if (!scoring || !evaluation || !this.resampling.intervals || this.sequences.length < 2) return;
+    const bootstrap = scoring.bootstrap(this.#scoreOptions());
+    try {
+      let step = 1;
+      for (let left = RESAMPLES; left > 0; ) {
+        await new Promise((done) => setTimeout(done));
+        if (this.evaluation !== evaluation) return;
+        const start = performance.now();
+        bootstrap.draw(Math.min(step, left));
+        left -= step;
+        if (performance.now() - start < STEP_MS / 2) step *= 2;
+      }
+      this.intervals = bootstrap.intervals();
+      this.#emit("intervals");
+    } finally {
+      bootstrap.free();
+    }
+  }
+
+  /** What decides on the maps alone. @returns {ScoreOptions} */
+  #mapOptions() {
+    const { transform, rank } = this.options;
+    return { transform, rank };
   }
 
   /** @returns {ScoreOptions} */
@@ -924,6 +1051,7 @@ export class Session extends EventTarget {
       ...this.options,
       thresholds: Object.fromEntries(edited),
       ...(this.imageSize ? { imageSize: this.imageSize } : {}),
+      ...(this.folds > 0 ? { folds: this.folds } : {}),
     };
   }
 
@@ -966,6 +1094,7 @@ export class Session extends EventTarget {
     this.table = null;
     this.scoring = null;
     this.evaluation = null;
+    this.intervals = null;
     this.objects = [];
     this.sequences = [];
     this.frameNumbers = new Float64Array();
@@ -1031,6 +1160,34 @@ function isSame(a, b) {
  */
 function insideOf({ path, folder }) {
   return (/** @type {{ path: string }} */ item) => item.path === path || item.path.startsWith(`${folder}/`);
+}
+
+/**
+ * What the user said of a table's numbers, in words of the terminal.
+ * @param {import("./pkg/index.js").TableOptions | undefined} options
+ * @param {string} prefix
+ */
+function readingWords(options, prefix) {
+  const { space, indexBase } = options ?? {};
+  return [
+    ...(space ? [`${prefix}space`, space] : []),
+    ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
+  ];
+}
+
+/**
+ * The folder that all sequences of images lie in.
+ * @param {string[]} paths
+ */
+function commonFolder(paths) {
+  if (paths.length === 0) return ".";
+  const folders = paths.map((path) => path.split("/").slice(0, -1));
+  let depth = 0;
+  while (folders.every((folder) => depth < folder.length && folder[depth] === folders[0][depth])) depth++;
+  const common = folders[0].slice(0, depth);
+  // A single sequence is itself in all paths.
+  if (common.length > 0 && folders.every((folder) => folder.length === common.length)) common.pop();
+  return common.join("/") || ".";
 }
 
 /** @param {unknown} error */

@@ -170,6 +170,54 @@ test("tables in pixels are read with the size of their images", () => {
   assert.throws(() => tracklens.GroundTruthTable.parse(bytes, "push.csv", { size: [1, 1] }), /size/);
 });
 
+test("an evaluation can be asked for more, drawn, written and read again", async () => {
+  const { table } = await extractAll();
+  const truth = tracklens.GroundTruthTable.parse(await read("ground_truth.csv"), "ground_truth.csv");
+  const scoring = new tracklens.Scoring(truth, table);
+  const plain = scoring.evaluate();
+  assert.equal(plain.sequences, undefined);
+  const options = { folds: 3, bootstrap: 30, seed: 7, sequences: true, context: true, imageSize: [256, 256] };
+  const evaluation = scoring.evaluate(options);
+  assert.deepEqual(evaluation.errors, plain.errors);
+  assert.equal(evaluation.held_out.folds, 3);
+  assert.deepEqual(evaluation.image_size, [256, 256]);
+
+  // In steps as at once.
+  const steps = scoring.bootstrap(options);
+  for (const count of [1, 9, 20]) steps.draw(count);
+  assert.deepEqual(steps.intervals(), evaluation.intervals);
+
+  const best = evaluation.objects[0].best_keypoint;
+  const distances = scoring.distances(0, best);
+  const mean = distances.reduce((sum, value) => sum + value, 0) / distances.length;
+  assert.ok(Math.abs(mean - evaluation.objects[0].error) < 1e-9 * mean);
+  const [worst] = scoring.sequenceErrors(0, best);
+  assert.equal(distances[worst.worst], worst.worstError);
+  assert.equal(worst.worstFrame, scoring.frameNumbers[worst.worst]);
+  assert.equal(worst.error, evaluation.sequences[0].errors[0].error);
+
+  const saved = new TextEncoder().encode(JSON.stringify(evaluation));
+  assert.deepEqual(tracklens.parseEvaluation(saved, "evaluation.json"), evaluation);
+  const newer = new TextEncoder().encode(JSON.stringify({ ...evaluation, schema: "tracklens/evaluation/9" }));
+  assert.throws(() => tracklens.parseEvaluation(newer, "e.json"), /e\.json: .*evaluation\/9.*reads up to/);
+
+  assert.match(tracklens.evaluationPage(evaluation), /^<!DOCTYPE html>/);
+  assert.match(tracklens.evaluationCsv(evaluation), /^object,tracked,error/);
+  const matrix = tracklens.matrixFigure(evaluation, Int32Array.of(1, -1, -1), undefined, 600);
+  assert.match(matrix.svg, /^<svg/);
+  assert.deepEqual([matrix.x, matrix.y], [[0, 4], [3, 0]]);
+  assert.match(tracklens.capabilityFigure(evaluation, 2, undefined, 600).svg, /^<svg/);
+  const errors = Float64Array.from(scoring.sequenceErrors(0, best), ({ error }) => error);
+  assert.match(tracklens.sequencesFigure(errors, 0.015, 0, undefined, 600).svg, /^<svg/);
+  assert.throws(() => tracklens.capabilityFigure(evaluation, 2, { foreground: "red" }, 600), /#rrggbb/);
+
+  assert.equal(
+    scoring.command({ truth: "my truth.csv", checkpoint: "w.pth", frames: "frames" }, { ...options, thresholds: { cube: 0.02 } }),
+    "tracklens eval --checkpoint w.pth --frames frames --truth 'my truth.csv' --threshold 'cube=0.02' --folds 3 " +
+      "--bootstrap 30 --resampling-seed 7 --sequences --context",
+  );
+});
+
 test("what the numbers of a table are taken for is told with its ground", () => {
   const bytes = new TextEncoder().encode("frame,cube_x,cube_y\n1,0,0\n");
   const { reading } = tracklens.GroundTruthTable.parse(bytes, "t.csv", { indexBase: 1 });

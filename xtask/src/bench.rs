@@ -104,7 +104,7 @@ fn train(workspace: &Workspace) -> Result<()> {
 }
 
 fn size(workspace: &Workspace) -> Result<()> {
-    setup::browsers()?;
+    setup::chromium()?;
     package::build(workspace, false)?;
     site::write(workspace, &workspace.site(), false)?;
     let mut cargo = run::cargo();

@@ -11,6 +11,8 @@ mod decoder;
 #[cfg(feature = "web-extraction")]
 mod encoder;
 #[cfg(feature = "web-figures")]
+mod evaluation;
+#[cfg(feature = "web-figures")]
 mod figure;
 #[cfg(feature = "web-scoring")]
 mod files;
