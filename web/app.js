@@ -2,6 +2,8 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
+import { DeviceExtractor } from "./device-extractor.js";
+import { showDevices } from "./device-view.js";
 import { announce, byId } from "./dom.js";
 import { embed, embedder } from "./embed.js";
 import { fetchExample } from "./example.js";
@@ -17,9 +19,12 @@ import { showViewer } from "./viewer/viewer.js";
 /** Starts the page; the scoring part of the package is loaded. */
 export function start() {
   const origin = embedder();
-  const session = new Session(new WorkerPool(), { remembers: origin === null });
+  const allowSoftware = new URLSearchParams(location.search).get("gpu") === "software";
+  const devices = new DeviceExtractor(new WorkerPool(), allowSoftware);
+  const session = new Session(devices, { remembers: origin === null });
   showFiles(session);
   showExtraction(session);
+  showDevices(session, devices);
   showResults(session);
   showViewer(session);
   takeFiles(session);

@@ -109,8 +109,8 @@ fn train(workspace: &Workspace) -> Result<()> {
 
 fn size(workspace: &Workspace) -> Result<()> {
     setup::chromium()?;
-    package::build(workspace)?;
-    site::write(workspace, &workspace.site())?;
+    package::build(workspace, false)?;
+    site::write(workspace, &workspace.site(), false)?;
     let mut cargo = run::cargo();
     cargo
         .args(["bench", "--package=tracklens-page-tests", "--bench=size"])

@@ -40,12 +40,19 @@ enum Task {
         browsers: bool,
     },
     /// Build the wasm package into pkg/.
-    Build,
+    Build {
+        /// Also the part that extracts on WebGPU; with it burn is compiled for wasm, which takes minutes.
+        #[arg(long)]
+        gpu: bool,
+    },
     /// Build, then put together a folder that any static host serves.
     Site {
         /// The folder to write; `site` in cargo's target directory if not given.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// With extraction on WebGPU; see `build --gpu`.
+        #[arg(long)]
+        gpu: bool,
     },
     /// Build the site and serve it on 127.0.0.1.
     Serve {
@@ -55,6 +62,9 @@ enum Task {
         /// Open the page in the default browser.
         #[arg(long)]
         open: bool,
+        /// With extraction on WebGPU; see `build --gpu`.
+        #[arg(long)]
+        gpu: bool,
     },
     /// Run every test: unit, doc, golden, command line, npm package, the GPU on Mesa's lavapipe, sweeps on Slurm and GNU
     /// parallel, the recorder of PandaPush, the page in headless Chromium and Firefox.
@@ -71,6 +81,9 @@ enum Task {
         /// Leave out the GPU, which builds burn once more and needs Mesa's lavapipe.
         #[arg(long)]
         skip_gpu: bool,
+        /// Also extraction on WebGPU in the page, which builds burn once more, for wasm.
+        #[arg(long)]
+        page_gpu: bool,
     },
     /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
@@ -98,14 +111,14 @@ fn perform(task: Task) -> Result<()> {
     let workspace = Workspace::locate()?;
     match task {
         Task::Setup { browsers } => setup::run(&workspace, browsers),
-        Task::Build => package::build(&workspace),
-        Task::Site { out } => {
-            package::build(&workspace)?;
-            site::write(&workspace, &out.unwrap_or_else(|| workspace.site()))
+        Task::Build { gpu } => package::build(&workspace, gpu),
+        Task::Site { out, gpu } => {
+            package::build(&workspace, gpu)?;
+            site::write(&workspace, &out.unwrap_or_else(|| workspace.site()), gpu)
         }
-        Task::Serve { port, open } => {
-            package::build(&workspace)?;
-            site::write(&workspace, &workspace.site())?;
+        Task::Serve { port, open, gpu } => {
+            package::build(&workspace, gpu)?;
+            site::write(&workspace, &workspace.site(), gpu)?;
             serve::serve(&workspace.site(), port, open)
         }
         Task::Test {
@@ -113,8 +126,10 @@ fn perform(task: Task) -> Result<()> {
             skip_recorder,
             skip_cluster,
             skip_gpu,
+            page_gpu,
         } => test::run(
             &workspace,
+            page_gpu,
             &test::Skipped {
                 page: skip_page,
                 recorder: skip_recorder,

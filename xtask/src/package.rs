@@ -21,25 +21,38 @@ pub const PARTS: [Part; 3] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
+        profile: "wasm",
         fast: false,
     },
     Part {
         name: "tracklens_extraction",
         feature: "web-extraction",
+        profile: "wasm",
         fast: true,
     },
     Part {
         name: "tracklens_figures",
         feature: "web-figures",
+        profile: "wasm",
         fast: false,
     },
 ];
+
+/// The part that extracts on WebGPU. With it comes burn, which takes minutes to compile, so it is built when asked for.
+pub const GPU: Part = Part {
+    name: "tracklens_gpu",
+    feature: "web-gpu",
+    profile: "wasm-gpu",
+    fast: false,
+};
 
 /// A WebAssembly module of the package.
 pub struct Part {
     /// Of its files.
     name: &'static str,
     feature: &'static str,
+    /// Cargo's profile.
+    profile: &'static str,
     /// Whether time counts before size, as for what runs once a pixel.
     fast: bool,
 }
@@ -56,7 +69,7 @@ impl Part {
     /// The crate's own level of optimisation, for cargo; that of dependencies is in the profile.
     fn opt_level(&self) -> String {
         let level = if self.fast { "3" } else { "\"s\"" };
-        format!("profile.wasm.package.tracklens.opt-level={level}")
+        format!("profile.{}.package.tracklens.opt-level={level}", self.profile)
     }
 
     fn generated(&self) -> [String; 3] {
@@ -66,19 +79,20 @@ impl Part {
 
 /// The files that are built into pkg/.
 pub fn generated() -> Vec<String> {
-    PARTS.iter().flat_map(Part::generated).collect()
+    PARTS.iter().chain([&GPU]).flat_map(Part::generated).collect()
 }
 
-/// What cargo builds for wasm, to be completed with features.
-const LIBRARY: [&str; 4] = [
-    "--package=tracklens",
-    "--lib",
-    "--no-default-features",
-    "--profile=wasm",
-];
+/// What cargo builds for wasm, to be completed with features and a profile.
+const LIBRARY: [&str; 3] = ["--package=tracklens", "--lib", "--no-default-features"];
 
 /// The library with every part, as lints and docs look at it.
-pub const WHOLE: [&str; 5] = [LIBRARY[0], LIBRARY[1], LIBRARY[2], LIBRARY[3], "--features=web"];
+pub const WHOLE: [&str; 5] = [
+    LIBRARY[0],
+    LIBRARY[1],
+    LIBRARY[2],
+    "--profile=wasm",
+    "--features=web",
+];
 
 /// What the compiler may use of wasm, should the file not say so itself.
 const WASM_OPT: [&str; 8] = [
@@ -92,11 +106,11 @@ const WASM_OPT: [&str; 8] = [
     "--enable-simd",
 ];
 
-/// Builds the parts of the package that are not up to date, and prints their sizes.
+/// Builds the parts of the package that are not up to date, with or without the one for GPUs, and prints their sizes.
 ///
 /// # Errors
 /// No toolchain for wasm, or the build fails. A missing wasm-opt is only reported.
-pub fn build(workspace: &Workspace) -> Result<()> {
+pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     let toolchain = wasm_toolchain(workspace)?;
     let optimiser = match wasm_opt(workspace) {
         Ok(optimiser) => Some(optimiser),
@@ -111,16 +125,30 @@ pub fn build(workspace: &Workspace) -> Result<()> {
         eprintln!("warning: the page will not read videos: {error:#}");
     }
     let package = workspace.package();
-    for part in &PARTS {
+    let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
+    for part in parts() {
+        let mut cargo = if part.profile == GPU.profile {
+            // As a library for Rust too it would not be optimised as a whole.
+            let mut cargo = toolchain.cargo("rustc");
+            cargo.arg("--crate-type=cdylib");
+            cargo
+        } else {
+            toolchain.cargo("build")
+        };
         run::run(
-            toolchain
-                .cargo("build")
+            cargo
                 .args(LIBRARY)
+                .arg(format!("--profile={}", part.profile))
                 .arg(format!("--features={}", part.feature))
                 .args(["--config", &part.opt_level()])
                 .current_dir(workspace.root()),
         )?;
-        let compiled = toolchain.folder(workspace).join("wasm/tracklens.wasm");
+        let compiled = toolchain
+            .folder(workspace)
+            .join(part.profile)
+            .join("tracklens.wasm");
+        // wasm-opt would take minutes for the large one.
+        let optimiser = optimiser.as_ref().filter(|_| part.profile != GPU.profile);
         let stamp = Stamp::new(part, &compiled, optimiser.is_some())?;
         let stamp_file = workspace.tools().join(format!("{}.stamp", part.name));
         let last = fs::read_to_string(&stamp_file).ok();
@@ -128,13 +156,13 @@ pub fn build(workspace: &Workspace) -> Result<()> {
             eprintln!("{} is up to date", package.join(part.wasm()).display());
             continue;
         }
-        generate(part, &compiled, optimiser.as_ref(), &package)?;
+        generate(part, &compiled, optimiser, &package)?;
         let stamp = stamp.complete(&package)?;
         fs::create_dir_all(workspace.tools())
             .and_then(|()| fs::write(&stamp_file, stamp))
             .with_context(|| format!("cannot write {}", stamp_file.display()))?;
     }
-    for part in &PARTS {
+    for part in parts() {
         let size = |file: String| -> Result<[usize; 2]> {
             let content = read(&package.join(file))?;
             Ok([content.len(), gzipped(&content)?])
@@ -153,11 +181,12 @@ pub fn build(workspace: &Workspace) -> Result<()> {
     Ok(())
 }
 
-/// The files of the built package that a browser loads: scripts and wasm, without node's entry point.
+/// The files of the built package that a browser loads: scripts and wasm, without node's entry point, with or without
+/// extraction on GPUs.
 ///
 /// # Errors
 /// `package.json` cannot be read or lists no files.
-pub fn for_browsers(package: &Path) -> Result<Vec<String>> {
+pub fn for_browsers(package: &Path, gpu: bool) -> Result<Vec<String>> {
     let manifest = package.join("package.json");
     let content: Value = serde_json::from_slice(&read(&manifest)?)
         .with_context(|| format!("{} is not JSON", manifest.display()))?;
@@ -165,8 +194,10 @@ pub fn for_browsers(package: &Path) -> Result<Vec<String>> {
         .as_array()
         .with_context(|| format!("{} lists no `files`", manifest.display()))?;
     let files = files.iter().filter_map(Value::as_str);
-    let loaded =
-        files.filter(|file| (file.ends_with(".js") || file.ends_with(".wasm")) && *file != "node.js");
+    let of_gpu = |file: &str| file == "gpu.js" || GPU.generated().iter().any(|generated| generated == file);
+    let loaded = files.filter(|file| {
+        (file.ends_with(".js") || file.ends_with(".wasm")) && *file != "node.js" && (gpu || !of_gpu(file))
+    });
     Ok(loaded.map(str::to_owned).collect())
 }
 

@@ -22,13 +22,13 @@ const PLACEHOLDER: &str = r#"const SITE = { version: "", files: {} };"#;
 /// Where each file of the site comes from, by its path in the site with `/` between the parts.
 type Sources = BTreeMap<String, PathBuf>;
 
-/// Writes the site into `out`, or brings one written before up to date: files of the last time that are gone
+/// Writes the site into `out`, with or without extraction on GPUs, or brings one written before up to date: files of the last time that are gone
 /// are removed, files of somebody else stay.
 ///
 /// # Errors
 /// `out` holds files but was not made here, or lies in the sources; a source is missing; a file cannot be
 /// written.
-pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
+pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
     let out = std::path::absolute(out).with_context(|| format!("cannot resolve {}", out.display()))?;
     let existing = out
         .ancestors()
@@ -46,7 +46,7 @@ pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
         }
     }
     let before = files_before(&out)?;
-    let sources = sources(workspace)?;
+    let sources = sources(workspace, gpu)?;
 
     let mut contents = BTreeMap::new();
     for (name, source) in &sources {
@@ -123,7 +123,7 @@ fn files_before(out: &Path) -> Result<Vec<String>> {
 }
 
 /// Everything in web/ but hidden files, libraries, and of the package what a browser loads.
-fn sources(workspace: &Workspace) -> Result<Sources> {
+fn sources(workspace: &Workspace, gpu: bool) -> Result<Sources> {
     let mut sources = Sources::new();
     add_folder(&workspace.web(), "", &mut sources)?;
     if !sources.contains_key("index.html") {
@@ -132,7 +132,7 @@ fn sources(workspace: &Workspace) -> Result<Sources> {
     for (place, file) in setup::page_files(workspace) {
         sources.insert(place.to_owned(), file);
     }
-    for file in package::for_browsers(&workspace.package())? {
+    for file in package::for_browsers(&workspace.package(), gpu)? {
         let place = format!("pkg/{file}");
         if sources
             .insert(place.clone(), workspace.package().join(file))

@@ -22,7 +22,11 @@ pub struct Skipped {
     pub gpu: bool,
 }
 
-pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
+/// Runs the tests; with `page_gpu` also those of the page on WebGPU.
+///
+/// # Errors
+/// A test fails, or what it needs cannot be installed.
+pub fn run(workspace: &Workspace, page_gpu: bool, skipped: &Skipped) -> Result<()> {
     let mut steps = Steps::new();
     let browsers = if skipped.page {
         None
@@ -31,8 +35,9 @@ pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
             Ok((setup::browsers(workspace)?, setup::axe(workspace)?))
         })
     };
-    let package = steps.run("wasm package", || package::build(workspace));
-    let site = package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site())));
+    let package = steps.run("wasm package", || package::build(workspace, page_gpu));
+    let site =
+        package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site(), page_gpu)));
 
     steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
     steps.run("metric alone", || {

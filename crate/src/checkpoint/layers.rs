@@ -124,6 +124,24 @@ impl SaeConfig {
         layers
     }
 
+    /// The numbers of the encoder's largest tensor for an input of `[width, height]`: the input itself, or what a
+    /// convolution makes before its pool.
+    pub fn largest_maps(&self, size: [usize; 2]) -> usize {
+        let mut largest = 3 * size[0] * size[1];
+        let mut sides = Some(size);
+        for layer in self.encoder_layers() {
+            let side = |of: fn(&ConvLayer, usize) -> Option<usize>, [w, h]: [usize; 2]| {
+                Some([of(&layer, w)?, of(&layer, h)?])
+            };
+            let Some([width, height]) = sides.and_then(|s| side(ConvLayer::convolved_side, s)) else {
+                break;
+            };
+            largest = largest.max(layer.outputs * width * height);
+            sides = sides.and_then(|s| side(ConvLayer::output_side, s));
+        }
+        largest
+    }
+
     /// Where the cells of the encoder's last feature map lie in its input: the pixel of the first one's centre and the
     /// pixels from one to the next, along both axes.
     pub fn cell_positions(&self) -> [f64; 2] {

@@ -3,10 +3,6 @@ use burn::prelude::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module::batch_norm;
 
-use super::kernels::batch_norm_relu;
-
-/// Weight of a new batch in the running statistics.
-const MOMENTUM: f64 = 0.1;
 /// Added to the variance before the square root.
 const EPSILON: f64 = 1e-5;
 
@@ -35,27 +31,46 @@ impl BatchNorm {
     /// - `input`: `[B, C, H, W]`
     /// - output: `[B, C, H, W]`
     pub fn forward_relu(&self, input: Tensor<4>) -> Tensor<4> {
-        if !input.device().is_autodiff() {
-            return relu(batch_norm(
-                input,
-                self.weight.val(),
-                self.bias.val(),
-                self.running_mean.value_sync(),
-                self.running_var.value_sync(),
-                EPSILON,
-            ));
+        #[cfg(not(target_arch = "wasm32"))]
+        if input.device().is_autodiff() {
+            return self.train(input);
         }
-        let [batch, _, height, width] = input.dims();
-        let samples = (batch * height * width) as f64;
-        let result = batch_norm_relu(input, self.weight.val(), self.bias.val(), EPSILON);
-        let unbiased = result.variance * (samples / (samples - 1.0).max(1.0));
-        update(&self.running_mean, result.mean);
-        update(&self.running_var, unbiased);
-        result.output
+        relu(batch_norm(
+            input,
+            self.weight.val(),
+            self.bias.val(),
+            self.running_mean.value_sync(),
+            self.running_var.value_sync(),
+            EPSILON,
+        ))
     }
 }
 
-fn update(state: &RunningState<Tensor<1>>, batch: Tensor<1>) {
-    let running = state.value_sync() * (1.0 - MOMENTUM) + batch.detach() * MOMENTUM;
-    state.update(running.detach());
+#[cfg(not(target_arch = "wasm32"))]
+mod training {
+    use burn::module::RunningState;
+    use burn::prelude::Tensor;
+
+    use super::{BatchNorm, EPSILON};
+    use crate::model::kernels::batch_norm_relu;
+
+    /// Weight of a new batch in the running statistics.
+    const MOMENTUM: f64 = 0.1;
+
+    impl BatchNorm {
+        pub(super) fn train(&self, input: Tensor<4>) -> Tensor<4> {
+            let [batch, _, height, width] = input.dims();
+            let samples = (batch * height * width) as f64;
+            let result = batch_norm_relu(input, self.weight.val(), self.bias.val(), EPSILON);
+            let unbiased = result.variance * (samples / (samples - 1.0).max(1.0));
+            update(&self.running_mean, result.mean);
+            update(&self.running_var, unbiased);
+            result.output
+        }
+    }
+
+    fn update(state: &RunningState<Tensor<1>>, batch: Tensor<1>) {
+        let running = state.value_sync() * (1.0 - MOMENTUM) + batch.detach() * MOMENTUM;
+        state.update(running.detach());
+    }
 }

@@ -29,35 +29,46 @@
 //! ```
 
 mod batch_norm;
+#[cfg(not(target_arch = "wasm32"))]
+mod collect;
 mod conv;
 mod decoder;
+#[cfg(not(target_arch = "wasm32"))]
 mod device;
 mod encoder;
 mod init;
+#[cfg(not(target_arch = "wasm32"))]
+mod kernels;
+#[cfg(target_arch = "wasm32")]
+#[path = "kernels/plain.rs"]
 mod kernels;
 mod softargmax;
+#[cfg(all(feature = "web-gpu", target_arch = "wasm32"))]
+mod webgpu;
 mod weights;
 
 pub use crate::device::Adapter;
 pub use batch_norm::BatchNorm;
 pub use conv::ConvBlock;
 pub use decoder::{BackgroundBias, Decoder, Dense, GaussianMaps};
+#[cfg(not(target_arch = "wasm32"))]
 pub use device::{OpenDevice, open};
 pub use encoder::Encoder;
 pub use init::{fresh_weights, load_first_layer};
 pub use softargmax::spatial_softargmax;
+#[cfg(all(feature = "web-gpu", target_arch = "wasm32"))]
+pub use webgpu::WebGpu;
 
-use std::collections::BTreeMap;
+use std::fmt;
 
-use burn::prelude::{Device, Module, Tensor};
-use burn::tensor::Gradients;
+use burn::prelude::{Device, Module, Tensor, TensorData};
 use ndarray::Array3;
 
 #[cfg(doc)]
 use crate::checkpoint::ConvLayer;
-use crate::checkpoint::{self, Checkpoint, SaeConfig};
+use crate::checkpoint::{Checkpoint, SaeConfig};
 use crate::error::{Error, ErrorKind, Result};
-use weights::{Loader, collect};
+use weights::Loader;
 
 /// A spatial autoencoder: image to N points to image.
 #[derive(Module, Debug)]
@@ -103,34 +114,6 @@ impl Sae {
         })
     }
 
-    /// The weights as a checkpoint of `config` with `metadata`.
-    ///
-    /// # Errors
-    /// When the device does not give the values back.
-    pub fn to_checkpoint(
-        &self,
-        config: &SaeConfig,
-        metadata: BTreeMap<String, String>,
-    ) -> Result<Checkpoint> {
-        Ok(Checkpoint {
-            config: config.clone(),
-            tensors: collect(self, config)?,
-            metadata,
-        })
-    }
-
-    /// The gradients of its weights by their names in the state dict; weights that got none are left out.
-    ///
-    /// # Errors
-    /// When the device does not give the values back.
-    pub fn gradients(
-        &self,
-        gradients: &Gradients,
-        config: &SaeConfig,
-    ) -> Result<BTreeMap<String, checkpoint::Tensor>> {
-        weights::gradients(self, gradients, config)
-    }
-
     /// Encodes and decodes.
     ///
     /// # Shapes
@@ -150,8 +133,21 @@ impl Sae {
 /// # Errors
 /// When the device does not give the values back.
 pub fn points_xy(latent: Tensor<3>) -> Result<Array3<f64>> {
-    let [batch, points, _] = latent.dims();
-    let yx = host_values(latent)?;
+    let shape = latent.dims();
+    host_points(&host_values(latent)?, shape)
+}
+
+/// As [`points_xy`]; the thread does not wait for the device, which a browser does not allow.
+///
+/// # Errors
+/// When the device does not give the values back.
+pub async fn points_xy_async(latent: Tensor<3>) -> Result<Array3<f64>> {
+    let shape = latent.dims();
+    let data = latent.into_data_async().await.map_err(device_failed)?;
+    host_points(&floats(data)?, shape)
+}
+
+fn host_points(yx: &[f32], [batch, points, _]: [usize; 3]) -> Result<Array3<f64>> {
     let values = yx
         .chunks_exact(2)
         .flat_map(|p| [f64::from(p[1]), f64::from(p[0])])
@@ -162,11 +158,16 @@ pub fn points_xy(latent: Tensor<3>) -> Result<Array3<f64>> {
 
 /// The f32 values of a tensor, read back from its device.
 pub(crate) fn host_values<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>> {
-    let data = tensor
-        .try_into_data()
-        .map_err(|e| Error::new(ErrorKind::Io, format!("the device failed: {e}")))?;
+    floats(tensor.try_into_data().map_err(device_failed)?)
+}
+
+fn floats(data: TensorData) -> Result<Vec<f32>> {
     data.try_into_vec::<f32>()
         .map_err(|e| Error::numeric(format!("the device returned no f32 values: {e:?}")))
+}
+
+fn device_failed(error: impl fmt::Display) -> Error {
+    Error::new(ErrorKind::Io, format!("the device failed: {error}"))
 }
 
 /// n coordinates from -1 to 1, the ends included: the authors' grid over a feature map or an image, on which

@@ -1,7 +1,8 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
-//! in the workers, figures once there is something to draw. Objects of one part mean nothing to another one.
+//! in the workers, figures once there is something to draw, extraction on the GPU where there is one. Objects of one part
+//! mean nothing to another one.
 
 #[cfg(feature = "web-scoring")]
 mod containers;
@@ -17,6 +18,8 @@ mod figure;
 mod files;
 #[cfg(feature = "web-scoring")]
 mod frames;
+#[cfg(feature = "web-gpu")]
+mod gpu;
 #[cfg(feature = "web-scoring")]
 mod options;
 #[cfg(feature = "web-scoring")]

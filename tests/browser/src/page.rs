@@ -98,6 +98,15 @@ impl Page {
         page
     }
 
+    /// Opens the page on a server in Chromium, with more arguments on its command line and after a script.
+    pub async fn open_prepared(arguments: &[&str], server: Server, path: &str, script: &str) -> Self {
+        let page = Self::start(Browser::Chromium, arguments, server, script).await;
+        page.goto(path).await;
+        page.until("!document.querySelector('#try-example').disabled")
+            .await;
+        page
+    }
+
     /// A browser with an empty window; Chromium runs `script` before every page.
     async fn start(browser: Browser, arguments: &[&str], server: Server, script: &str) -> Self {
         let session = browser.start(arguments).await;

@@ -35,8 +35,8 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     let browser = setup::chromium()?;
     let node = setup::node()?;
     let peers = setup::npm_packages(workspace, &node, &setup::PAGE_PEERS)?;
-    package::build(workspace)?;
-    site::write(workspace, &workspace.site())?;
+    package::build(workspace, false)?;
+    site::write(workspace, &workspace.site(), false)?;
     let made = TempDir::new().context("no folder for what is measured")?;
     make_encoders(workspace, made.path())?;
     make_tables(made.path())?;

@@ -1,0 +1,2 @@
+GPUComputePassEncoder.prototype.dispatchWorkgroups = function () {};
+GPUComputePassEncoder.prototype.dispatchWorkgroupsIndirect = function () {};
