@@ -127,14 +127,9 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     let package = workspace.package();
     let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
     for part in parts() {
-        let mut cargo = if part.profile == GPU.profile {
-            // As a library for Rust too it would not be optimised as a whole.
-            let mut cargo = toolchain.cargo("rustc");
-            cargo.arg("--crate-type=cdylib");
-            cargo
-        } else {
-            toolchain.cargo("build")
-        };
+        let mut cargo = toolchain.cargo("rustc");
+        // As a library for Rust too it would not be optimised as a whole.
+        cargo.arg("--crate-type=cdylib");
         run::run(
             cargo
                 .args(LIBRARY)
