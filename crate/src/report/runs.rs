@@ -385,9 +385,12 @@ fn by(runs: Vec<Arc<Run>>, name: impl Fn(&Run) -> Result<String>) -> Result<Vec<
     Ok(groups.into_iter().map(group).collect())
 }
 
+/// Settings by name.
+type Described = Vec<(String, String)>;
+
 fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
     let mut all = Vec::new();
-    let mut architectures: BTreeMap<String, Vec<(Vec<(String, String)>, Group)>> = BTreeMap::new();
+    let mut architectures: BTreeMap<String, Vec<(Described, Group)>> = BTreeMap::new();
     for run in runs {
         let settings = run.settings();
         let alike = architectures.entry(run.architecture.clone()).or_default();
@@ -403,8 +406,7 @@ fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
         }
     }
     for (name, mut alike) in architectures {
-        let described: Vec<Vec<(String, String)>> =
-            alike.iter().map(|(settings, _)| settings.clone()).collect();
+        let described: Vec<Described> = alike.iter().map(|(settings, _)| settings.clone()).collect();
         for (settings, group) in alike.iter_mut().filter(|_| described.len() > 1) {
             let differs =
                 |setting: &&(String, String)| described.iter().any(|other| !other.contains(setting));
