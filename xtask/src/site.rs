@@ -236,7 +236,7 @@ mod tests {
     fn the_site_has_the_page_and_what_a_browser_loads_of_the_package() -> Result<()> {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
-        write(&workspace(folder.path())?, &out)?;
+        write(&workspace(folder.path())?, &out, false)?;
         let expected = [
             "example/truth.csv",
             "index.html",
@@ -249,15 +249,42 @@ mod tests {
     }
 
     #[test]
+    fn extraction_on_gpus_is_in_the_site_when_asked_for() -> Result<()> {
+        let folder = TempDir::new()?;
+        let out = folder.path().join("out");
+        let workspace = workspace(folder.path())?;
+        put(
+            &folder.path().join("pkg/package.json"),
+            br#"{ "files": ["index.js", "gpu.js", "tracklens_gpu_bg.wasm"] }"#,
+        )?;
+        for file in ["pkg/gpu.js", "pkg/tracklens_gpu_bg.wasm"] {
+            put(&folder.path().join(file), b"")?;
+        }
+        let of_package = || -> Result<Vec<String>> {
+            let mut files = files(&out)?;
+            files.retain(|file| file.starts_with("pkg/"));
+            Ok(files)
+        };
+        write(&workspace, &out, true)?;
+        assert_eq!(
+            of_package()?,
+            ["pkg/gpu.js", "pkg/index.js", "pkg/tracklens_gpu_bg.wasm"]
+        );
+        write(&workspace, &out, false)?;
+        assert_eq!(of_package()?, ["pkg/index.js"]);
+        Ok(())
+    }
+
+    #[test]
     fn a_site_is_brought_up_to_date_and_foreign_files_in_it_stay() -> Result<()> {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
         let workspace = workspace(folder.path())?;
-        write(&workspace, &out)?;
+        write(&workspace, &out, false)?;
         fs::write(out.join("CNAME"), "tracklens.example")?;
         fs::remove_file(workspace.web().join("example/truth.csv"))?;
         fs::write(workspace.web().join("index.html"), "new")?;
-        write(&workspace, &out)?;
+        write(&workspace, &out, false)?;
         assert_eq!(
             files(&out)?,
             [
@@ -280,7 +307,7 @@ mod tests {
         let worker = workspace.web().join(WORKER);
         put(&worker, format!("// why\n{PLACEHOLDER}\nserve(SITE);").as_bytes())?;
         let site = || -> Result<(Value, String)> {
-            write(&workspace, &out)?;
+            write(&workspace, &out, false)?;
             let text = fs::read_to_string(out.join(WORKER))?;
             let line = text.lines().nth(1).unwrap_or_default();
             let json = line
@@ -316,7 +343,7 @@ mod tests {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
         put(&out.join("thesis.tex"), b"")?;
-        let error = write(&workspace(folder.path())?, &out).map_err(|error| error.to_string());
+        let error = write(&workspace(folder.path())?, &out, false).map_err(|error| error.to_string());
         assert!(error.is_err_and(|message| message.contains("did not put there")));
         assert_eq!(files(&out)?, ["thesis.tex"]);
         Ok(())
@@ -327,7 +354,7 @@ mod tests {
         let folder = TempDir::new()?;
         let workspace = workspace(folder.path())?;
         let inside = workspace.web().join("site");
-        assert!(write(&workspace, &inside).is_err());
+        assert!(write(&workspace, &inside, false).is_err());
         assert!(!inside.exists());
         Ok(())
     }
