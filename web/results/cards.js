@@ -119,7 +119,7 @@ function factsOf(session, object, result) {
         type: "button",
         class: "link",
         disabled: !session.scoring,
-        "aria-label": `Show ${result.name} with keypoint ${keypoint}`,
+        "aria-label": `Show ${result.name} with keypoint no. ${keypoint}`,
         onclick: () => session.choose(object, keypoint === best ? null : keypoint),
       },
       `no. ${keypoint}`,

@@ -120,8 +120,8 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
 
     // A frame for somebody else neither listens nor talks.
     page.value(&format!(
-        "(() => {{ globalThis.__heard = []; const other = document.createElement('iframe'); other.id = 'other'; \
-         addEventListener('message', ({{ source }}) => {{ if (source === other.contentWindow) globalThis.__heard.push(1); }}); \
+        "(() => {{ window.__heard = []; const other = document.createElement('iframe'); other.id = 'other'; \
+         addEventListener('message', ({{ source }}) => {{ if (source === other.contentWindow) window.__heard.push(1); }}); \
          other.src = '{}/?embed=https://somebody.example'; document.body.append(other); }})()",
         ours.origin()
     ))
@@ -140,7 +140,7 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
         .await;
     page.until("document.querySelector('output').value.includes('nonsense')")
         .await;
-    assert_eq!(page.value("globalThis.__heard").await, json!([]));
+    assert_eq!(page.value("window.__heard").await, json!([]));
     other.clone().enter_frame().await.expect("the frame");
     assert_eq!(
         page.value("document.querySelector('main').dataset.state").await,
