@@ -37,6 +37,7 @@ impl Browser {
         let mut process = self
             .driver()
             .arg(format!("--port={port}"))
+            .args(self.profile_arguments(&profile))
             // Firefox writes caches beside its profile otherwise.
             .env("HOME", profile.path())
             .stdout(Stdio::null())
@@ -60,6 +61,14 @@ impl Browser {
             driver,
             process,
             profile,
+        }
+    }
+
+    /// Keeps the profile of the browser in the folder of ours, where Chromium's is by its own argument.
+    fn profile_arguments(self, profile: &tempfile::TempDir) -> Option<String> {
+        match self {
+            Self::Chromium => None,
+            Self::Firefox => Some(format!("--profile-root={}", profile.path().display())),
         }
     }
 
@@ -122,6 +131,12 @@ impl Browser {
 impl Drop for Session {
     fn drop(&mut self) {
         stop(&mut self.process);
+        // A driver that is killed leaves its browser running, which the profile on its command line gives away.
+        #[cfg(unix)]
+        let _ = Command::new("pkill")
+            .args(["-KILL", "-f", "--"])
+            .arg(self.profile.path())
+            .status();
     }
 }
 
