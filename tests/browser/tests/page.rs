@@ -191,7 +191,7 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     page.until("document.querySelector('#results').textContent.includes('without a fitted map')")
         .await;
 
-    // The viewer: the picture is there, keys move it, both plots are drawn.
+    // The viewer: the picture is there, keys move it, the plots are drawn.
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
         .await;
     let before = page
@@ -209,8 +209,10 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
         before + 1.0
     ))
     .await;
-    let drawn = "[...document.querySelectorAll('#viewer canvas')].every((c) => c.width > 100 && c.getContext('2d')\
-                 .getImageData(0, 0, c.width, c.height).data.some((v, i, d) => v !== d[i % 4]))";
+    // The frame and three plots; what the decoder makes of the frame is shown when asked for.
+    let drawn = "(([stage, ...plots]) => plots.length === 3 && [stage, ...plots].every((c) => c.width > 100 && \
+                 c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v, i, d) => v !== d[i % 4])))\
+                 ([...document.querySelectorAll('#stage, #viewer canvas.plot')])";
     page.until(drawn).await;
     page.close().await;
 }
