@@ -10,6 +10,9 @@ import { blobOf, readError } from "./files.js";
  * @typedef {Extract<Reply, { type: "extracted" | "failed" }>} Result
  */
 
+/** A worker that ends before it has its lock says nothing: one that takes this long to start is taken for dead. */
+const START_MS = 60_000;
+
 export class Line {
   /** Of the encoder in the worker, once it is open. @type {import("./pkg/index.js").EncoderInfo | null} */
   info = null;
@@ -27,6 +30,7 @@ export class Line {
   #name = globalThis.crypto?.randomUUID?.() ?? "";
   #worker = new Worker(new URL("./extract-worker.js", import.meta.url), { type: "module", name: this.#name });
   #closed = new AbortController();
+  #start = setTimeout(() => this.#die("it did not start within a minute"), START_MS);
   /** Requests go out in their order, also where one has to be unpacked first. */
   #sent = Promise.resolve();
 
@@ -66,6 +70,7 @@ export class Line {
 
   /** Ends the worker at once, whatever it is at. */
   close() {
+    clearTimeout(this.#start);
     this.#closed.abort();
     this.#worker.terminate();
   }
@@ -84,6 +89,7 @@ export class Line {
     if (this.#closed.signal.aborted) return;
     switch (reply.type) {
       case "started":
+        clearTimeout(this.#start);
         this.#watch();
         return;
       case "opened":
