@@ -11,6 +11,7 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::IntoResponse;
 use axum::routing::get;
+use sha2::{Digest, Sha256};
 use tower_http::services::ServeDir;
 
 /// What the page may not do unnoticed: errors, rejected promises, console errors, violations of its policy.
@@ -44,13 +45,20 @@ impl Server {
 
     /// Serves the page with [`WATCH`] in it, for browsers whose driver cannot run it before the page.
     pub(crate) async fn watched(site: PathBuf) -> Self {
-        let page = std::fs::read_to_string(site.join("index.html")).expect("a page");
+        let read = |name: &str| std::fs::read_to_string(site.join(name)).expect("a file of the site");
+        let page = read("index.html");
         let watched = page.replacen("<title>", "<script src=\"/watch.js\"></script><title>", 1);
+        // The copy of the page that the browser keeps is watched, too, and known by its hash.
+        let hash = |text: &str| format!("{:x}", Sha256::digest(text));
+        let worker = read("service-worker.js").replace(&hash(&page), &hash(&watched));
         let html = move || async move { ([(CONTENT_TYPE, "text/html")], watched).into_response() };
-        let script = || async { ([(CONTENT_TYPE, "text/javascript")], WATCH).into_response() };
+        let script =
+            |text: String| move || async move { ([(CONTENT_TYPE, "text/javascript")], text).into_response() };
         let router = Router::new()
-            .route("/", get(html))
-            .route("/watch.js", get(script))
+            .route("/", get(html.clone()))
+            .route("/index.html", get(html))
+            .route("/watch.js", get(script(WATCH.to_owned())))
+            .route("/service-worker.js", get(script(worker)))
             .fallback_service(ServeDir::new(site));
         Self::listen(router).await
     }

@@ -108,16 +108,14 @@ async fn plots_seek_and_follow(browser: Browser) {
 
     // A figure is saved as drawn for print.
     page.value(
-        "(() => { globalThis.__saved = {}; const make = URL.createObjectURL; URL.createObjectURL = (blob) => { \
-         globalThis.__saved[blob.type] = blob; return make(blob); }; })()",
+        "(() => { window.__saved = {}; const make = URL.createObjectURL; URL.createObjectURL = (blob) => { \
+         window.__saved[blob.type] = blob; return make(blob); }; })()",
     )
     .await;
     page.click("#save-plot-error-svg").await;
     page.click("#save-plot-x-png").await;
-    page.until(
-        "globalThis.__saved['image/png']?.size > 5000 && globalThis.__saved['image/svg+xml']?.size > 2000",
-    )
-    .await;
+    page.until("window.__saved['image/png']?.size > 5000 && window.__saved['image/svg+xml']?.size > 2000")
+        .await;
     page.close().await;
 }
 
@@ -189,11 +187,11 @@ async fn the_heat_map_of_a_keypoint_lies_over_the_frame(browser: Browser) {
     page.click(".layer[data-mark=image]").await;
     let decoded = "document.querySelector('#reconstruction')";
     page.until(&format!(
-        "{decoded}.dataset.frame === '1' && {decoded}.width === 64"
+        "{decoded}.dataset.frame === '1' && {decoded}.width === 32"
     ))
     .await;
     let colours = format!(
-        "new Set({decoded}.getContext('2d').getImageData(0, 0, 64, 64).data.filter((v, i) => i % 4 !== 3)).size"
+        "new Set({decoded}.getContext('2d').getImageData(0, 0, 32, 32).data.filter((v, i) => i % 4 !== 3)).size"
     );
     assert!(page.number(&colours).await > 50.0);
     page.close().await;
