@@ -24,11 +24,11 @@ export function sequenceList(session) {
   const list = h(
     "div",
     {
-      id: "sequences",
+      id: "sequence-list",
       class: "sequence-list",
       role: "listbox",
       tabIndex: 0,
-      "aria-labelledby": "sequences-title",
+      "aria-labelledby": "sequence-list-title",
       onscroll: () => draw(),
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
         const to = { ArrowDown: current() + 1, ArrowUp: current() - 1, Home: 0, End: order.length - 1 }[event.key];
@@ -51,7 +51,7 @@ export function sequenceList(session) {
       update();
     },
   }, "Worst first");
-  const title = h("h3", { id: "sequences-title", class: "small-title" }, "Sequences");
+  const title = h("h3", { id: "sequence-list-title", class: "small-title" }, "Sequences");
   const element = h("div", { class: "viewer-sequences" }, h("div", { class: "sequence-head" }, title, sorting), list);
 
   const shown = () => {

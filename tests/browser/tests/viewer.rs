@@ -276,14 +276,14 @@ async fn of_many_sequences_only_those_in_sight_are_drawn() {
         "((e) => e.every((error, i) => i === 0 || error <= e[i - 1]))({errors}.slice(1))"
     ))
     .await;
-    press(&page, "#sequences", Key::Home + "").await;
+    press(&page, "#sequence-list", Key::Home + "").await;
     page.until("document.querySelector('.sequence[aria-selected=true]').ariaPosInSet === '1'")
         .await;
-    press(&page, "#sequences", Key::Down + "").await;
+    press(&page, "#sequence-list", Key::Down + "").await;
     page.until("document.querySelector('.sequence[aria-selected=true]').ariaPosInSet === '2'")
         .await;
     let active =
-        "document.getElementById(document.querySelector('#sequences').getAttribute('aria-activedescendant'))";
+        "document.getElementById(document.querySelector('#sequence-list').getAttribute('aria-activedescendant'))";
     page.until(&format!(
         "{active} === document.querySelector('.sequence[aria-selected=true]')"
     ))
