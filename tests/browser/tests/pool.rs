@@ -265,9 +265,11 @@ async fn without_memory_for_more_there_is_one_worker() {
 #[tokio::test(flavor = "multi_thread")]
 async fn with_no_worker_left_the_page_says_so_keeps_what_is_done_and_goes_on_when_there_are_some() {
     let page = Page::open_with(WATCHED).await;
+    // While none is starting: one that ends then is given up after a minute, with another reason.
     page.value(
         "void (globalThis.__kill = new MutationObserver(() => { \
            if (!(Number(document.querySelector('#extraction').dataset.done) >= 10)) return; \
+           if (__workers.some((worker) => worker.dealt === 0)) return; \
            globalThis.__kill.disconnect(); globalThis.__broken = true; \
            for (const worker of __workers) worker.terminate(); })) \
          .observe(document.querySelector('#extraction'), { attributes: true })",

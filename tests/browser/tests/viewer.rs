@@ -282,8 +282,7 @@ async fn of_many_sequences_only_those_in_sight_are_drawn() {
     press(&page, "#sequence-list", Key::Down + "").await;
     page.until("document.querySelector('.sequence[aria-selected=true]').ariaPosInSet === '2'")
         .await;
-    let active =
-        "document.getElementById(document.querySelector('#sequence-list').getAttribute('aria-activedescendant'))";
+    let active = "document.getElementById(document.querySelector('#sequence-list').getAttribute('aria-activedescendant'))";
     page.until(&format!(
         "{active} === document.querySelector('.sequence[aria-selected=true]')"
     ))
