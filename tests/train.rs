@@ -11,8 +11,8 @@ use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::train::{
-    CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig, RunOptions, SUMMARY, Split,
-    TrainConfig, TrainSummary, ValidationFrames, read_log, train,
+    BackgroundStart, CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig, RunOptions, SUMMARY,
+    Split, TrainConfig, TrainSummary, ValidationFrames, read_log, train,
 };
 
 fn recording() -> PathBuf {
@@ -263,6 +263,45 @@ fn what_the_paper_and_the_code_do_differently_is_a_switch() {
 }
 
 #[test]
+fn the_background_can_start_at_the_mean_of_the_training_targets() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run");
+    // A rate at which weights stay where they start.
+    let config = TrainConfig {
+        background: BackgroundStart::Mean,
+        learning_rate: 1e-12,
+        ..config(1)
+    };
+    run(&config, &out);
+    let said: RunConfig =
+        serde_json::from_slice(&fs::read(out.join(CONFIG)).expect("a configuration")).expect("valid JSON");
+    let dataset = dataset(&config, DEFAULT_CACHE);
+    let frames: Vec<_> = dataset
+        .sequences
+        .iter()
+        .filter(|s| said.training_sequences.contains(&s.name))
+        .flat_map(|s| (0..s.len()).map(move |t| (s, t)))
+        .collect();
+    assert_eq!(frames.len(), 10);
+    let (_, targets) = dataset.gather(&frames).expect("targets");
+    let weights = weights(&out);
+    let bias = &weights
+        .tensor("decoder.aggregate_conv.bias")
+        .expect("a bias")
+        .data;
+    let background = weights
+        .tensor("decoder.background_bias.bias")
+        .expect("a background");
+    assert_eq!(background.shape, [3, 16, 16]);
+    for (i, value) in background.data.iter().enumerate() {
+        let mean = targets.iter().skip(i).step_by(3 * 256).sum::<f32>() / 10.0;
+        let start = value + bias[i / 256];
+        // Ten f32 numbers of at most 1 added up: within 1e-6.
+        assert!((start - mean).abs() < 1e-6, "{i}: {start} instead of {mean}");
+    }
+}
+
+#[test]
 fn what_cannot_be_trained_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let error = |config: &TrainConfig, out: &Path| {
@@ -299,6 +338,18 @@ fn what_cannot_be_trained_is_told() {
     assert!(
         rate.contains("the learning rate is -1; expected a positive number"),
         "{rate}"
+    );
+    let bare = error(
+        &TrainConfig {
+            sae: SaeConfig::named("basic-vel").expect("an architecture"),
+            background: BackgroundStart::Mean,
+            ..config(1)
+        },
+        &other,
+    );
+    assert!(
+        bare.contains("the background's start is mean; expected zero, or an architecture with -bg"),
+        "{bare}"
     );
     let diverged = error(
         &TrainConfig {

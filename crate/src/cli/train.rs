@@ -17,7 +17,8 @@ use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer};
 use crate::train::{
-    Dataset, Existing, FirstLayer, RunOptions, Split, TargetFilter, TrainConfig, ValidationFrames, train,
+    BackgroundStart, Dataset, Existing, FirstLayer, RunOptions, Split, TargetFilter, TrainConfig,
+    ValidationFrames, train,
 };
 
 #[derive(Debug, Args)]
@@ -72,6 +73,10 @@ pub(super) struct TrainArguments {
     /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or `bilinear-antialias`
     #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
     target_filter: TargetFilter,
+    /// What the background of -bg starts from: `zero`, as in the paper, or the `mean` of the training targets, which small
+    /// networks need to find small objects
+    #[arg(long, value_name = "START", default_value = "zero", value_parser = named::<BackgroundStart>)]
+    background: BackgroundStart,
     /// Start from the first convolution of a trained network (.safetensors, .pth, .bpk), as the authors' DSAE starts from that
     /// of torchvision's DenseNet-201; default: drawn as the other layers
     #[arg(long, value_name = "WEIGHTS")]
@@ -197,6 +202,7 @@ impl TrainArguments {
             velocity_weight: self
                 .velocity_weight
                 .unwrap_or(self.arch.architecture.velocity_weight()),
+            background: self.background,
             first_layer: None,
             device: self.device,
         }

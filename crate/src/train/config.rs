@@ -36,6 +36,9 @@ pub struct TrainConfig {
     pub validation_frames: ValidationFrames,
     /// How targets are resized.
     pub target_filter: TargetFilter,
+    /// What the background bias of `-bg` starts from.
+    #[serde(default, skip_serializing_if = "BackgroundStart::is_zero")]
+    pub background: BackgroundStart,
     /// What the encoder's first convolution starts from; null: drawn as the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_layer: Option<FirstLayer>,
@@ -77,6 +80,25 @@ pub enum TargetFilter {
     BilinearAntialias,
 }
 
+/// What the background bias of `-bg` starts from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BackgroundStart {
+    /// Zero (paper, appendix, "Modifications").
+    #[default]
+    Zero,
+    /// The mean of the training targets, less the bias of the decoder's last convolution. Learning the background takes
+    /// the first hundreds of steps, in which every weight moves along; an encoder that need not do that keeps what it
+    /// sees of small objects.
+    Mean,
+}
+
+impl BackgroundStart {
+    fn is_zero(&self) -> bool {
+        *self == Self::Zero
+    }
+}
+
 impl TrainConfig {
     /// The paper's settings (appendix, table "Hyperparameters for SAE training"): 500 epochs, batches of 32, Adam with
     /// learning rate 0.001, noise 0.001; half of the sequences for training, a quarter for validation.
@@ -96,6 +118,7 @@ impl TrainConfig {
             drop_last: true,
             validation_frames: ValidationFrames::First,
             target_filter: TargetFilter::Bilinear,
+            background: BackgroundStart::Zero,
             first_layer: None,
             device: DeviceKind::Cpu,
         }
@@ -127,6 +150,13 @@ impl TrainConfig {
                 "the weight of the velocity loss",
                 &self.velocity_weight,
                 "0 or a positive number",
+            );
+        }
+        if self.background == BackgroundStart::Mean && !self.sae.architecture.background {
+            return wrong(
+                "the background's start",
+                &"mean",
+                "zero, or an architecture with -bg, which has a background",
             );
         }
         self.split.validate()

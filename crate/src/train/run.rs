@@ -17,11 +17,11 @@ use super::events::Events;
 use super::state::{self, Progress};
 use super::validation::Validation;
 use super::{
-    CONFIG, Dataset, EpochLog, LOG, Losses, RunConfig, SNIPPET, SUMMARY, Sequence, TrainConfig, TrainSummary,
-    Trainer, read_log,
+    BackgroundStart, CONFIG, Dataset, EpochLog, LOG, Losses, RunConfig, SNIPPET, SUMMARY, Sequence,
+    TrainConfig, TrainSummary, Trainer, read_log,
 };
 use crate::atomic;
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{BACKGROUND, Checkpoint};
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
 use crate::model::{OpenDevice, open};
@@ -115,6 +115,10 @@ pub fn train(
             let mut trainer = Trainer::on(&device, &weights, config.learning_rate)?;
             trainer.load_optimizer(optimizer)?;
             trainer
+        }
+        None if config.background == BackgroundStart::Mean => {
+            let mean = mean_target(dataset, &training, cancel)?;
+            Trainer::on(&device, &on_background(weights, &mean)?, config.learning_rate)?
         }
         None => Trainer::on(&device, weights, config.learning_rate)?,
     }
@@ -388,6 +392,48 @@ fn split<'a>(
         .divide(dataset.sequences.len(), |order| order.shuffle(rng))?;
     let take = |part: &[usize]| part.iter().map(|i| &dataset.sequences[*i]).collect();
     Ok((take(&parts.training), take(&parts.validation)))
+}
+
+/// The mean of the targets of all training frames: red, green and blue planes.
+fn mean_target(dataset: &Dataset, training: &[&Sequence], cancel: &Cancel) -> Result<Vec<f64>> {
+    let mut sum = Vec::new();
+    let mut frames = 0;
+    for sequence in training {
+        cancel.check()?;
+        let all: Vec<(&Sequence, usize)> = (0..sequence.len()).map(|t| (*sequence, t)).collect();
+        let (_, targets) = dataset.gather(&all)?;
+        let size = targets.len() / all.len();
+        sum.resize(size, 0.0);
+        for target in targets.chunks_exact(size) {
+            for (sum, value) in sum.iter_mut().zip(target) {
+                *sum += f64::from(*value);
+            }
+        }
+        frames += all.len();
+    }
+    for value in &mut sum {
+        *value /= frames as f64;
+    }
+    Ok(sum)
+}
+
+/// `weights` with a background that, with the bias of the decoder's last convolution, is `mean`.
+fn on_background(weights: &Checkpoint, mean: &[f64]) -> Result<Checkpoint> {
+    let mut weights = weights.clone();
+    let layers = weights.config.decoder_layers();
+    let last = layers
+        .last()
+        .ok_or_else(|| Error::input("the decoder has no convolution"))?;
+    let bias = weights.tensor(&format!("{}.bias", last.name))?.data.clone();
+    let background = weights
+        .tensors
+        .get_mut(BACKGROUND)
+        .ok_or_else(|| Error::input(format!("the weights have no `{BACKGROUND}`")))?;
+    let plane = mean.len() / bias.len();
+    for ((value, mean), i) in background.data.iter_mut().zip(mean).zip(0..) {
+        *value = (mean - f64::from(bias[i / plane])) as f32;
+    }
+    Ok(weights)
 }
 
 /// Inputs, with noise, and targets of snippets.
