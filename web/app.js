@@ -2,6 +2,8 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
+import { showComparison } from "./compare.js";
+import { RunsComparison } from "./comparison.js";
 import { announce, byId } from "./dom.js";
 import { fetchExample } from "./example.js";
 import { WorkerPool } from "./extraction-pool.js";
@@ -19,13 +21,22 @@ export function start() {
   showExtraction(session);
   showResults(session);
   showViewer(session);
-  takeFiles(session);
+  const comparison = new RunsComparison(session);
+  showComparison(comparison);
+  takeFiles(session, comparison);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
 }
 
-/** @param {Session} session */
-function takeFiles(session) {
+/**
+ * @param {Session} session
+ * @param {RunsComparison} comparison
+ */
+function takeFiles(session, comparison) {
+  const take = (/** @type {import("./files.js").Source[]} */ sources) => {
+    const { rest, runs } = comparison.take(sources);
+    if (rest.length > 0 || runs === 0) void session.add(rest);
+  };
   for (const [button, input] of [
     ["choose-files", "input-files"],
     ["choose-folder", "input-folder"],
@@ -34,7 +45,7 @@ function takeFiles(session) {
     const picker = byId(input);
     byId(button).addEventListener("click", () => picker.click());
     picker.addEventListener("change", () => {
-      void session.add(fromInput(picker));
+      take(fromInput(picker));
       // The same files can be picked again.
       picker.value = "";
     });
@@ -42,6 +53,7 @@ function takeFiles(session) {
   byId("try-example").addEventListener("click", () => void session.open(fetchExample));
   byId("start-over").addEventListener("click", () => {
     session.clear();
+    comparison.clear();
     announce("Everything was removed.");
     byId("choose-folder").focus();
   });
@@ -61,7 +73,7 @@ function takeFiles(session) {
   window.addEventListener("dragleave", (event) => isFiles(event) && over(depth - 1));
   window.addEventListener("drop", async (event) => {
     over(0);
-    if (event.dataTransfer && isFiles(event)) void session.add(await fromDrop(event.dataTransfer));
+    if (event.dataTransfer && isFiles(event)) take(await fromDrop(event.dataTransfer));
   });
 }
 

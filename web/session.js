@@ -735,26 +735,16 @@ export class Session extends EventTarget {
     }
     const { extraction, encoder } = this;
     if (!this.frames || !all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
-    const good = Array.from(this.frameSources.keys()).filter((i) => extraction.extracted.has(this.frameSources[i].path));
-    if (good.length === 0) {
+    const found = extraction.collect(this.frames, this.frameSources);
+    if (!found) {
       const [first] = extraction.failures.values();
       this.#report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
       return null;
     }
-    let kept = all;
-    if (good.length < all.sources.length) {
-      const frames = this.frames.select(Uint32Array.from(good));
-      this.#derived.push(frames);
-      kept = { frames, sources: good.map((i) => this.frameSources[i]) };
-    }
-    const keypoints = encoder.info.keypoints;
-    const points = new Float64Array(kept.sources.length * keypoints * 2);
-    for (const [i, { path }] of kept.sources.entries()) {
-      points.set(extraction.extracted.get(path)?.points ?? [], i * keypoints * 2);
-    }
-    this.table = KeypointTable.fromExtraction(kept.frames, points, keypoints);
+    if (found.selected) this.#derived.push(found.selected);
+    this.table = found.table;
     this.#derived.push(this.table);
-    return kept;
+    return { frames: found.selected ?? this.frames, sources: found.sources };
   }
 
   /**

@@ -3,6 +3,8 @@
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
 //! in the workers, figures once there is something to draw. Objects of one part mean nothing to another one.
 
+#[cfg(feature = "web-figures")]
+mod comparison;
 #[cfg(feature = "web-scoring")]
 mod containers;
 #[cfg(feature = "web-extraction")]
@@ -13,7 +15,7 @@ mod figure;
 mod files;
 #[cfg(feature = "web-scoring")]
 mod frames;
-#[cfg(feature = "web-scoring")]
+#[cfg(any(feature = "web-scoring", feature = "web-figures"))]
 mod options;
 #[cfg(feature = "web-scoring")]
 mod scoring;
@@ -48,7 +50,6 @@ fn js_error(error: &Error) -> JsValue {
 }
 
 /// Plain JavaScript objects; `None` becomes null.
-#[cfg(any(feature = "web-scoring", feature = "web-extraction"))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)
