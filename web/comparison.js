@@ -40,8 +40,10 @@ export class RunsComparison extends EventTarget {
 
   /** Bytes by folder. @type {Map<string, Record<string, Uint8Array>>} */
   #runs = new Map();
-  /** What was scored, by detector: an entry is scored again only when something else is asked of it. */
-  /** @type {Map<Entry, { key: string, evaluation: Evaluation | null, reason: string }>} */
+  /**
+   * What was scored, by detector: an entry is scored again only when something else is asked of it.
+   * @type {Map<Entry, { key: string, content: Entry["content"], evaluation: Evaluation | null, reason: string }>}
+   */
   #scores = new Map();
   #session;
   /** @type {Comparison | null} */
@@ -185,10 +187,10 @@ export class RunsComparison extends EventTarget {
         }
       }
       const state = [truth.name, truth.frames, frameSources.length, extraction?.extracted.size];
-      const key = JSON.stringify([state, options, entry.blob.size]);
+      const key = JSON.stringify([state, options]);
       let score = this.#scores.get(entry);
-      if (score?.key !== key) {
-        score = { key, ...this.#score(entry) };
+      if (score?.key !== key || score.content !== entry.content) {
+        score = { key, content: entry.content, ...this.#score(entry) };
         this.#scores.set(entry, score);
       }
       const architecture =
