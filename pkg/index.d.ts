@@ -214,6 +214,8 @@ export interface EncoderInfo {
   /** Width and height frames are resized to, or `null`: taken as they are. */
   inputSize: [number, number] | null;
   encoderChannels: number[];
+  /** Whether the file holds a {@link Decoder} as well. */
+  decoder: boolean;
   /** All sizes, as JSON; for {@link latentToImage}. */
   config: string;
   /** The free-form metadata of the file. */
@@ -227,6 +229,16 @@ export interface Extraction {
   /** Size of the image. */
   width: number;
   height: number;
+  free(): void;
+}
+
+/** The softmax of one keypoint's last feature map; the keypoint is the mean position under it. */
+export interface HeatMap {
+  /** Columns and rows. The centres of the border cells are -1 and +1 of the latent space. */
+  readonly width: number;
+  readonly height: number;
+  /** Row by row from the top; their sum is 1. */
+  readonly weights: Float32Array;
   free(): void;
 }
 
@@ -245,6 +257,20 @@ export class Encoder {
   readonly info: EncoderInfo;
   /** Decodes a PNG, JPEG or WebP image, or a numpy array of a frame (`.npy`), and extracts its keypoints. */
   extract(image: Uint8Array, name: string): Extraction;
+  /** Decodes an image and gives the weights behind one of its keypoints. */
+  heatMap(image: Uint8Array, name: string, keypoint: number): HeatMap;
+  free(): void;
+}
+
+/** The decoder of a checkpoint, which makes an image of keypoints, as it was trained to. Part `extraction`. */
+export class Decoder {
+  private constructor();
+  /** Undefined when the checkpoint holds only an encoder. */
+  static open(bytes: Uint8Array, name: string): Decoder | undefined;
+  readonly width: number;
+  readonly height: number;
+  /** The image (width x height pixels of red, green, blue, alpha) that comes of the N x 2 latent points of one frame. */
+  reconstruct(points: Float64Array): Uint8Array;
   free(): void;
 }
 
@@ -264,6 +290,16 @@ export interface ScoreOptions {
   thresholds?: Record<string, number>;
   /** Width and height of the images, for errors in pixels. */
   imageSize?: [number, number];
+  /** Also fit and score on different sequences, in this many folds. */
+  folds?: number;
+  /** Also give 95 % intervals, from this many resamples of the sequences; {@link Scoring.bootstrap} does it in steps. */
+  bootstrap?: number;
+  /** Deals sequences to folds and draws the bootstrap; default 0. */
+  seed?: number;
+  /** Also give the errors by sequence. */
+  sequences?: boolean;
+  /** Also give what others measure: regression with PCK, min-cost assignment. */
+  context?: boolean;
 }
 
 /** One object of an {@link Evaluation}. Fields are `null` when the object is visible in no frame. */
@@ -272,6 +308,8 @@ export interface ObjectEvaluation {
   threshold: number;
   tracked: boolean;
   best_keypoint: number | null;
+  /** The keypoint with the second smallest error; absent with one keypoint. */
+  second_best?: { keypoint: number; error: number };
   /** The tracking error e: mean over time of the squared distance. */
   error: number | null;
   error_sum: number | null;
@@ -286,22 +324,126 @@ export interface ObjectEvaluation {
   map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
 }
 
-/** The result, as `tracklens score --json` prints it. */
+/** Held-out folds: maps and best keypoints are of the other folds. */
+export interface HeldOut {
+  folds: number;
+  seed: number;
+  tc: number;
+  /** `keypoints`: the best one on the other folds, by the fold. */
+  objects: { name: string; tracked: boolean; error: number | null; keypoints: (number | null)[] }[];
+}
+
+/** Percentile bootstrap over sequences. */
+export interface Intervals {
+  method: string;
+  level: number;
+  resamples: number;
+  seed: number;
+  tc: [number, number];
+  objects: { name: string; error: [number, number] | null }[];
+}
+
+/** What others measure; shares in the order of `close`. */
+export interface Context {
+  /** Distances as shares of the side of the image. */
+  close: number[];
+  /** Linear regression from all keypoints, with the percentage of correct keypoints (Jakab et al., 2018). */
+  regression: { object: string; held_out: boolean; frames: number; error: number | null; pck: number[] | null }[];
+  /** Min-cost assignment (Kulkarni et al., 2019). */
+  assignment: {
+    trajectory: "frame" | "sequence";
+    keypoints: number;
+    objects: number;
+    precision: number[];
+    recall: number[];
+  }[];
+}
+
+/** The result, as `tracklens score --json` prints it; `docs/metrics.md` describes every field. */
 export interface Evaluation {
   schema: "tracklens/evaluation/2";
   version: string;
+  /** The command that repeats it. */
+  command?: string;
   tc: number;
   frames: number;
   /** Frames left out because a keypoint was not finite. */
   excluded: number;
   transform: "identity" | "scale-translate" | "affine";
   rank: "reference" | "centred";
-  /** How fitting and scoring frames relate; always the same frames for now, as in the authors' code. */
+  /** How `objects` and `errors` were fitted and scored: on the same frames, as in the authors' code. */
   protocol: "fit-and-score-same-frames";
   objects: ObjectEvaluation[];
   /** Per object, the error of every keypoint. */
   errors: (number | null)[][];
   warnings: string[];
+  image_size?: [number, number];
+  join?: {
+    matched: number;
+    rules: string[];
+    unmatched_frames: { count: number; first: string[] };
+    unmatched_rows: { count: number; first: string[] };
+  };
+  /** With `folds`. */
+  held_out?: HeldOut;
+  /** With `bootstrap`. */
+  intervals?: Intervals;
+  /** With `sequences`: of the best keypoints, the worst sequence first. */
+  sequences?: {
+    object: string;
+    keypoint: number;
+    errors: { sequence: string; frames: number; error: number; worst_frame: number; worst_error: number }[];
+  }[];
+  /** With `context`. */
+  context?: Context;
+}
+
+/**
+ * Reads the JSON of an evaluation, of this schema or `tracklens/evaluation/1`. Throws when it is something else, not
+ * complete, or of a newer schema, and says what to do.
+ */
+export function parseEvaluation(bytes: Uint8Array, name: string): Evaluation;
+
+/** An evaluation as one HTML file with its figures, which runs no script and loads nothing. */
+export function evaluationPage(evaluation: Evaluation): string;
+
+/** An evaluation as CSV, one line an object, as `tracklens score --csv` prints it. */
+export function evaluationCsv(evaluation: Evaluation): string;
+
+/** The error of an object with a keypoint in one sequence. */
+export interface SequenceError {
+  sequence: string;
+  /** The joined frames of the sequence: position of the first one, and their number. */
+  start: number;
+  length: number;
+  /** Frames in which the object is visible. */
+  frames: number;
+  /** The mean squared distance over these. */
+  error: number;
+  /** The joined frame with the largest squared distance: its position, its number in the sequence, the distance. */
+  worst: number;
+  worstFrame: number;
+  worstError: number;
+}
+
+/** 95 % intervals over the sequences, drawn in steps; in all as with `bootstrap` of {@link ScoreOptions}. */
+export class Bootstrap {
+  private constructor();
+  /** Draws the sequences `resamples` times more. Throws when there are fewer than two. */
+  draw(resamples: number): void;
+  /** The intervals of what was drawn. */
+  intervals(): Intervals;
+  free(): void;
+}
+
+/** Files as they are named in a command: a table of keypoints, or a checkpoint and frames. */
+export interface CommandInputs {
+  truth: string;
+  keypoints?: string;
+  checkpoint?: string;
+  frames?: string;
+  /** Options of reading, word by word, e.g. `["--space", "px"]`. */
+  options?: string[];
 }
 
 /** Points over the joined frames, T x 2 each; NaN where the object is not visible. */
@@ -332,10 +474,63 @@ export class Scoring {
   /** For each joined frame the position of its image in `frames`, or -1. */
   imagesFrom(frames: FrameIndex): Int32Array;
   evaluate(options?: ScoreOptions): Evaluation;
+  /** The error of `object` with `keypoint` by the sequence, the worst one first; sequences that do not show it are left out. */
+  sequenceErrors(object: number, keypoint: number, options?: ScoreOptions): SequenceError[];
+  /** The squared distance in every joined frame; NaN where the object is not visible. Their mean is the tracking error. */
+  distances(object: number, keypoint: number, options?: ScoreOptions): Float64Array;
+  /** The keypoints of a joined frame as they are, N x 2. */
+  keypointsAt(frame: number): Float64Array;
   /** The points of object `object` and keypoint `keypoint` under the map of `options`. */
   series(object: number, keypoint: number, options?: ScoreOptions): Series;
+  bootstrap(options?: ScoreOptions): Bootstrap;
+  /** The command of the terminal that gives the same evaluation. */
+  command(inputs: CommandInputs, options?: ScoreOptions): string;
   free(): void;
 }
+
+/** Colours (CSS hex) and the height of the text of the figures of an evaluation. */
+export interface Theme {
+  foreground: string;
+  muted: string;
+  background: string;
+  grid: string;
+  good: string;
+  bad: string;
+  accent: string;
+  fontSize: number;
+}
+
+/** An SVG document, where its plot lies in it, and the values at the ends of the axes. */
+export interface Drawn {
+  svg: string;
+  width: number;
+  height: number;
+  /** Left, top, width and height. */
+  plot: [number, number, number, number];
+  x: [number, number];
+  y: [number, number];
+}
+
+/**
+ * The errors of all keypoints (columns) for all objects (rows) as a heat map; `chosen` are keypoints to outline in place of
+ * the best ones, by object, -1 for none. Without a theme figures are dark on white.
+ */
+export function matrixFigure(evaluation: Evaluation, chosen: Int32Array, theme: Theme | undefined, width: number): Drawn;
+/** TC over a common factor of all thresholds, on a logarithmic x axis; `factor` is marked. */
+export function capabilityFigure(
+  evaluation: Evaluation,
+  factor: number | undefined,
+  theme: Theme | undefined,
+  width: number,
+): Drawn;
+/** Errors by sequence on a logarithmic y axis, in the order given; the one at `selected` is marked. */
+export function sequencesFigure(
+  errors: Float64Array,
+  threshold: number,
+  selected: number | undefined,
+  theme: Theme | undefined,
+  width: number,
+): Drawn;
 
 /** A line over frames. Figures are of the part `figures`. */
 export interface LineSeries {
@@ -356,6 +551,8 @@ export interface LineFigure {
   series: LineSeries[];
   /** Position (index into the values) of a vertical marker, or `null`. */
   cursor: number | null;
+  /** Whether the y axis starts at 0; default `false`. */
+  fromZero?: boolean;
   /** CSS hex colours. */
   foreground: string;
   background: string;
@@ -364,8 +561,20 @@ export interface LineFigure {
   fontSize: number;
 }
 
-/** Draws a figure over the whole of a canvas (browser only). */
-export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): void;
+/** Where a figure has its axes, in canvas pixels: frames `start` to `end` from `left` to `right`, `low` to `high` upwards. */
+export interface PlotArea {
+  left: number;
+  right: number;
+  top: number;
+  bottom: number;
+  start: number;
+  end: number;
+  low: number;
+  high: number;
+}
+
+/** Draws a figure over the whole of a canvas (browser only) and says where its axes are. */
+export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): PlotArea;
 /** The same figure as an SVG document. */
 export function linesToSvg(figure: LineFigure, width: number, height: number): string;
 

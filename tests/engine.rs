@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use shared::{golden, tensor};
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::Frame;
-use tracklens::engine::{Encoder, Workspace};
+use tracklens::engine::{Decoder, Encoder, Workspace};
 use tracklens::extract::{CpuExtractor, Extractor};
 
 /// Two float32 implementations add the same products in another order, and the peaky attention maps magnify it: 1e-5
@@ -122,6 +122,71 @@ fn the_grid_places_border_cells_where_the_convolutions_see_them() {
                 "{name}"
             );
         }
+    }
+}
+
+#[test]
+fn decoders_reconstruct_as_the_reference() {
+    for name in ["basic-vel-std-bg-tiny", "dsae-tiny", "keynet-vel-std-bg-tiny"] {
+        let bytes = golden(&format!("{name}.safetensors"));
+        let mut checkpoint = Checkpoint::from_safetensors(&bytes).expect("a checkpoint");
+        let decoder = Decoder::new(&checkpoint).expect("a plan").expect("a decoder");
+        let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+        let (shape, points) = tensor(&file, "golden.keypoints64");
+        let (image_shape, images) = tensor(&file, "golden.reconstruction64");
+        assert_eq!(image_shape[2..], [decoder.size()[1], decoder.size()[0]]);
+        let mut largest: f32 = 0.0;
+        for (points, expected) in points
+            .chunks_exact(2 * shape[1])
+            .zip(images.chunks_exact(3 * image_shape[2] * image_shape[3]))
+        {
+            // The reference speaks (y, x).
+            let points: Vec<[f32; 2]> = points.chunks_exact(2).map(|p| [p[1], p[0]]).collect();
+            let ours = decoder.reconstruct(&points).expect("an image");
+            assert_eq!(ours.len(), expected.len());
+            for (value, expected) in ours.iter().zip(expected) {
+                largest = largest.max((value - expected).abs());
+            }
+        }
+        println!("{name}: largest difference {largest:.1e}");
+        // A trained sigma of 0.1 magnifies the rounding of f32, in the reference as well: up to 7e-4.
+        assert!(largest < 2e-3, "{name}: {largest}");
+        assert!(decoder.reconstruct(&[]).is_err());
+        checkpoint.tensors.retain(|name, _| !name.starts_with("decoder."));
+        assert!(Decoder::new(&checkpoint).expect("no error").is_none());
+    }
+}
+
+#[test]
+fn a_keypoint_is_the_mean_position_under_its_heat_map() {
+    let pixels = (0..3 * 72 * 56).map(|i| (i * 7919 % 251) as u8).collect();
+    let frame = Frame::new(72, 56, pixels).expect("a frame");
+    for name in ["basic-vel-std-bg-tiny", "keynet-vel-std-bg-tiny"] {
+        let checkpoint =
+            Checkpoint::from_safetensors(&golden(&format!("{name}.safetensors"))).expect("valid");
+        let encoder = Encoder::new(&checkpoint).expect("a plan");
+        let mut workspace = Workspace::default();
+        let points = encoder.extract(&mut workspace, &frame).expect("keypoints");
+        for (n, point) in points.iter().enumerate() {
+            let map = encoder.heat_map(&mut workspace, &frame, n).expect("a map");
+            let height = map.weights.len() / map.width;
+            let mut mean = [0.0; 2];
+            let mut total = 0.0;
+            for (cell, weight) in map.weights.iter().enumerate() {
+                let weight = f64::from(*weight);
+                let at = |i: usize, cells: usize| 2.0 * i as f64 / (cells - 1) as f64 - 1.0;
+                mean[0] += weight * at(cell % map.width, map.width);
+                mean[1] += weight * at(cell / map.width, height);
+                total += weight;
+            }
+            // Weights and keypoints are rounded to f32, half an ulp of at most 1 each.
+            assert!((total - 1.0).abs() < 1e-6, "{name}, {n}: {total}");
+            for (mean, coordinate) in mean.iter().zip(point) {
+                assert!((mean - f64::from(*coordinate)).abs() < 1e-6, "{name}, {n}");
+            }
+        }
+        let error = encoder.heat_map(&mut workspace, &frame, points.len());
+        assert!(error.is_err_and(|e| e.to_string().contains("there is no keypoint")));
     }
 }
 

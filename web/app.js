@@ -5,18 +5,21 @@ import { version } from "./pkg/index.js";
 import { showComparison } from "./compare.js";
 import { RunsComparison } from "./comparison.js";
 import { announce, byId } from "./dom.js";
+import { embed, embedder } from "./embed.js";
 import { fetchExample } from "./example.js";
 import { WorkerPool } from "./extraction-pool.js";
 import { showExtraction } from "./extraction-view.js";
 import { showFiles } from "./files-view.js";
 import { fromDrop, fromInput } from "./files.js";
+import { keepOffline } from "./offline.js";
 import { showResults } from "./results.js";
 import { Session } from "./session.js";
-import { showViewer } from "./viewer.js";
+import { showViewer } from "./viewer/viewer.js";
 
 /** Starts the page; the scoring part of the package is loaded. */
 export function start() {
-  const session = new Session(new WorkerPool());
+  const origin = embedder();
+  const session = new Session(new WorkerPool(), { remembers: origin === null });
   showFiles(session);
   showExtraction(session);
   showResults(session);
@@ -26,6 +29,9 @@ export function start() {
   takeFiles(session, comparison);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
+  if (origin !== null) embed(session, origin);
+  if (new URLSearchParams(location.search).has("example")) void session.open(fetchExample);
+  void keepOffline();
 }
 
 /**

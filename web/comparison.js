@@ -5,12 +5,12 @@
  */
 
 import init, { Comparison, Scoring } from "./pkg/index.js";
-import { mapBounded } from "./files.js";
+import { bytesOf, mapBounded } from "./files.js";
 import { splitRuns } from "./runs.js";
 
 /**
  * @typedef {import("./session.js").Session} Session
- * @typedef {import("./session.js").Entry} Entry
+ * @typedef {import("./intake.js").Entry} Entry
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./files.js").Source} Source
  * @typedef {import("./runs.js").RunFolder} RunFolder
@@ -102,7 +102,7 @@ export class RunsComparison extends EventTarget {
     await mapBounded([...runs], READERS, async ([name, folder]) => {
       /** @type {Record<string, Uint8Array>} */
       const files = {};
-      for (const [kind, blob] of Object.entries(folder)) files[kind] = new Uint8Array(await blob.arrayBuffer());
+      for (const [kind, source] of Object.entries(folder)) files[kind] = await bytesOf(source);
       this.#runs.set(name, files);
       this.reading = { done: ++done, total: runs.size };
       this.dispatchEvent(new Event("progress"));

@@ -8,6 +8,8 @@ for (const type of ["dragover", "drop"]) {
   window.addEventListener(type, (event) => event.preventDefault());
 }
 
+if (new URLSearchParams(location.search).has("embed")) document.documentElement.dataset.embed = "";
+
 try {
   const { default: init } = await import("./pkg/index.js");
   await init(["scoring"]);

@@ -5,7 +5,7 @@
  * @typedef {import("./files.js").Source} Source
  *
  * The files of a run that are read, by what they are.
- * @typedef {{ config?: Blob, log?: Blob, summary?: Blob, error?: Blob }} RunFolder
+ * @typedef {{ config?: Source, log?: Source, summary?: Source, error?: Source }} RunFolder
  */
 
 /** @type {Record<string, keyof RunFolder>} */
@@ -47,7 +47,7 @@ export function splitRuns(sources) {
     // A run's files that are dropped without their folder have no name to go by.
     const name = folder || "run";
     const run = runs.get(name) ?? {};
-    if (Object.hasOwn(FILES, file)) run[FILES[file]] = source.blob;
+    if (Object.hasOwn(FILES, file)) run[FILES[file]] = source;
     runs.set(name, run);
   }
   return { runs, rest };

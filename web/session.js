@@ -2,7 +2,7 @@
 /**
  * What the page knows: the files taken, and everything that follows from them. The views read it and listen to
  * its events: `files`, `extraction`, `scoring` (another set of joined points), `evaluation` (other options over the
- * same points) and `selection`.
+ * same points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
  */
 
 import { FrameIndex, KeypointTable, Scoring, joinFrames, latentToImage } from "./pkg/index.js";
@@ -11,6 +11,7 @@ import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
 import { decodeImage } from "./image-cache.js";
 import { identify, needsParsing, parseTable } from "./intake.js";
+import { load, store } from "./settings.js";
 
 /**
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
@@ -20,18 +21,29 @@ import { identify, needsParsing, parseTable } from "./intake.js";
  * @typedef {import("./intake.js").Slot} Slot
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
- * @typedef {import("./pkg/index.js").Series} Series
+ * @typedef {import("./pkg/index.js").Series & { distances: Float64Array }} Series
  *
  * Something the user should know, with the remedy where the page has one.
  * @typedef {object} Problem
- * @property {"error" | "warning"} kind
+ * @property {"error" | "warning" | "info"} kind
  * @property {string} text
  * @property {{ label: string, run: () => void }} [action]
  */
 
+/** Of the intervals. */
+const RESAMPLES = 1000;
+/** Milliseconds that a step of drawing them may take, so that the page stays at hand. */
+const STEP_MS = 24;
+
+const TRANSFORMS = ["identity", "scale-translate", "affine"];
+const RANKS = ["reference", "centred"];
+const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
+/** Series of this many pairs of object and keypoint are kept. */
+const KEPT_SERIES = 8;
 /** What stays said until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced"];
 
@@ -74,7 +86,11 @@ export class Session extends EventTarget {
   /** Thresholds nobody edited, by object. @type {Record<string, number>} */
   defaultThresholds = {};
   /** @type {ScoreOptions} */
-  options = { transform: "affine", rank: "reference", thresholds: {} };
+  options;
+  /** What is asked of the sequences: folds to hold out (0: none), intervals. */
+  resampling = { folds: 0, intervals: false };
+  /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
+  intervals = null;
   /** Of the joined frames. @type {string[]} */
   objects = [];
   /** The joined frames by sequence. @type {SequenceRange[]} */
@@ -87,6 +103,7 @@ export class Session extends EventTarget {
   #chosen = new Map();
 
   #extractor;
+  #remembers;
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
   /** Tells a change that everything was cleared while it waited. */
@@ -102,13 +119,18 @@ export class Session extends EventTarget {
   #pictures = [];
   /** Width and height by joined frame, or one for all; empty: not known. @type {[number, number][]} */
   #sizes = [];
-  /** @type {Map<string, Series>} */
+  /** The last ones asked for. @type {Map<string, Series>} */
   #series = new Map();
 
-  /** @param {import("./extractor.js").Extractor} extractor */
-  constructor(extractor) {
+  /**
+   * @param {import("./extractor.js").Extractor} extractor
+   * @param {{ remembers: boolean }} settings whether options outlast the page
+   */
+  constructor(extractor, { remembers }) {
     super();
     this.#extractor = extractor;
+    this.#remembers = remembers;
+    this.options = this.#startOptions();
   }
 
   // Files
@@ -293,7 +315,8 @@ export class Session extends EventTarget {
     this.frames = null;
     this.frameSources = [];
     this.join = null;
-    this.options = { transform: "affine", rank: "reference", thresholds: {} };
+    this.options = this.#startOptions();
+    this.resampling = { folds: 0, intervals: false };
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
@@ -366,6 +389,7 @@ export class Session extends EventTarget {
   /** @param {Partial<Pick<ScoreOptions, "transform" | "rank">>} options */
   setOptions(options) {
     Object.assign(this.options, options);
+    this.#remember();
     this.#evaluate();
   }
 
@@ -378,7 +402,93 @@ export class Session extends EventTarget {
     if (threshold === null) delete thresholds[object];
     else thresholds[object] = threshold;
     this.options.thresholds = thresholds;
+    this.#remember();
     this.#evaluate();
+  }
+
+  /** @param {Partial<Session["resampling"]>} resampling */
+  setResampling(resampling) {
+    Object.assign(this.resampling, resampling);
+    this.#evaluate();
+  }
+
+  /** The number of folds that are held out; no more than there are sequences. */
+  get folds() {
+    const folds = Math.min(this.resampling.folds, this.sequences.length);
+    return folds < 2 ? 0 : folds;
+  }
+
+  /**
+   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure, the command.
+   * @returns {Evaluation | null}
+   */
+  completeEvaluation() {
+    if (!this.scoring || !this.evaluation) return this.evaluation;
+    const options = { ...this.#scoreOptions(), sequences: true, context: true };
+    const evaluation = this.scoring.evaluate(options);
+    if (this.intervals) evaluation.intervals = this.intervals;
+    return { ...evaluation, command: this.command() };
+  }
+
+  /** What others measure of the same frames; takes a while. */
+  context() {
+    const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
+    return evaluation?.context ?? this.evaluation?.context ?? null;
+  }
+
+  /** The command of the terminal that repeats the evaluation. */
+  command() {
+    if (!this.scoring) return this.evaluation?.command ?? "";
+    const truth = this.used("ground-truth");
+    const table = this.used("keypoints");
+    const keypoints = table?.path;
+    const read = [...readingWords(truth?.options, "--"), ...readingWords(table?.options, "--keypoints-")];
+    const axes = truth?.options.axisOrder ?? table?.options.axisOrder;
+    const inputs = {
+      truth: truth?.path ?? "ground_truth.csv",
+      options: axes ? [...read, "--axis-order", axes] : read,
+      ...(keypoints
+        ? { keypoints }
+        : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
+    };
+    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
+    return this.scoring.command(inputs, { ...this.#scoreOptions(), ...bootstrap });
+  }
+
+  /** Those of the last visit, where there was one. */
+  #startOptions() {
+    return optionsFrom(this.#remembers ? load("score") : {});
+  }
+
+  #remember() {
+    const { transform, rank, thresholds } = this.options;
+    if (this.#remembers) store("score", { transform, rank, thresholds });
+    this.#dropReminder();
+  }
+
+  /** Says which settings of an earlier visit are in force: a result must not surprise. */
+  #remind() {
+    const { transform, rank, thresholds = {} } = this.#scoreOptions();
+    const edited = Object.entries(thresholds).filter(([name, value]) => value !== this.defaultThresholds[name]);
+    const kept = [
+      ...edited.map(([name, value]) => `threshold ${value} for ${name}`),
+      transform !== DEFAULTS.transform && `map ${transform}`,
+      rank !== DEFAULTS.rank && `rank rule ${rank}`,
+    ].filter(Boolean);
+    if (kept.length === 0 || !this.#remembers) return;
+    this.#report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
+      label: "Use the defaults",
+      run: () => {
+        Object.assign(this.options, DEFAULTS, { thresholds: {} });
+        this.#remember();
+        this.#evaluate();
+        this.#emit("scoring");
+      },
+    });
+  }
+
+  #dropReminder() {
+    if (this.problems.delete("remembered")) this.#emit("files");
   }
 
   /** @param {Partial<{ object: number, frame: number }>} selection */
@@ -407,7 +517,44 @@ export class Session extends EventTarget {
     if (keypoint === null) this.#chosen.delete(object);
     else this.#chosen.set(object, keypoint);
     this.selection = { ...this.selection, object };
-    this.#emit("selection");
+    for (const topic of ["selection", "choice"]) this.#emit(topic);
+  }
+
+  /** Shows every object with its best keypoint. */
+  chooseBest() {
+    this.#chosen.clear();
+    for (const topic of ["selection", "choice"]) this.#emit(topic);
+  }
+
+  /**
+   * Whether an object is shown with a keypoint other than its best one.
+   * @param {number} object
+   */
+  isChosen(object) {
+    return this.keypointOf(object) !== (this.evaluation?.objects[object]?.best_keypoint ?? null);
+  }
+
+  /**
+   * The error of an object with a keypoint by sequence, the worst one first.
+   * @param {number} object
+   * @param {number} keypoint
+   */
+  errorsBySequence(object, keypoint) {
+    return this.scoring?.sequenceErrors(object, keypoint, this.#mapOptions()) ?? [];
+  }
+
+  /**
+   * The joined frames in which an object is furthest from a keypoint under its map (squared distance, ndc).
+   * @param {number} object
+   * @param {number} keypoint
+   * @param {number} most
+   */
+  worstFrames(object, keypoint, most) {
+    const distances = this.scoring?.distances(object, keypoint, this.#mapOptions()) ?? new Float64Array();
+    const visible = Array.from(distances, (distance, frame) => ({ frame, distance })).filter(
+      ({ distance }) => !Number.isNaN(distance),
+    );
+    return visible.sort((a, b) => b.distance - a.distance).slice(0, most);
   }
 
   /** Width and height of the images, when it is known and the same for all. */
@@ -443,7 +590,7 @@ export class Session extends EventTarget {
   }
 
   /**
-   * The points of an object and its keypoint on display, all in ndc; `null` when it has none.
+   * The points of an object and its keypoint on display, all in ndc, with their squared distances; `null` when it has none.
    * @param {number} object
    */
   series(object) {
@@ -452,11 +599,47 @@ export class Session extends EventTarget {
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
     if (!series) {
-      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, this.#scoreOptions());
-      series = { truth, keypoint: this.#place(raw), transformed };
+      const options = this.#mapOptions();
+      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
+      const distances = this.scoring.distances(object, keypoint, options);
+      series = { truth, keypoint: this.#place(raw), transformed, distances };
+      const [oldest] = this.#series.keys();
+      if (this.#series.size >= KEPT_SERIES) this.#series.delete(oldest);
       this.#series.set(key, series);
     }
     return series;
+  }
+
+  /**
+   * The errors of an object and its keypoint on display by the sequence, in the order of `sequences`; NaN where the object
+   * is not visible.
+   * @param {number} object
+   */
+  sequenceErrors(object) {
+    const errors = new Float64Array(this.sequences.length).fill(NaN);
+    const keypoint = this.keypointOf(object);
+    if (!this.scoring || keypoint === null) return errors;
+    const found = this.scoring.sequenceErrors(object, keypoint, this.#scoreOptions());
+    const byStart = new Map(found.map(({ start, error }) => [start, error]));
+    return errors.map((_, i) => byStart.get(this.sequences[i].start) ?? NaN);
+  }
+
+  /**
+   * All keypoints of a joined frame in ndc, N x 2.
+   * @param {number} frame
+   */
+  keypointsAt(frame) {
+    return this.scoring ? this.placed(this.scoring.keypointsAt(frame), frame) : new Float64Array();
+  }
+
+  /**
+   * Points of a joined frame in ndc; see {@link Session.placesKeypoints}.
+   * @param {Float64Array} points
+   * @param {number} frame
+   */
+  placed(points, frame) {
+    const size = this.imageSize ?? this.#sizes[frame];
+    return this.encoder && size ? latentToImage(this.encoder.info.config, points, ...size) : points;
   }
 
   // What follows from what
@@ -783,6 +966,7 @@ export class Session extends EventTarget {
       frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
     };
     this.#evaluate();
+    this.#remind();
   }
 
   /**
@@ -809,7 +993,7 @@ export class Session extends EventTarget {
     this.#series.clear();
     try {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
-      const defaults = this.scoring.evaluate({ ...this.#scoreOptions(), thresholds: {} });
+      const defaults = this.scoring.evaluate(this.#mapOptions());
       this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
       this.problems.delete("evaluation");
     } catch (error) {
@@ -817,7 +1001,37 @@ export class Session extends EventTarget {
       this.#report("evaluation", "error", messageOf(error));
       this.#emit("files");
     }
+    this.intervals = null;
     this.#emit("evaluation");
+    void this.#drawIntervals();
+  }
+
+  /** Draws the intervals in steps, until they are there or belong to another evaluation. */
+  async #drawIntervals() {
+    const { scoring, evaluation } = this;
+    if (!scoring || !evaluation || !this.resampling.intervals || this.sequences.length < 2) return;
+    const bootstrap = scoring.bootstrap(this.#scoreOptions());
+    try {
+      let step = 1;
+      for (let left = RESAMPLES; left > 0; ) {
+        await new Promise((done) => setTimeout(done));
+        if (this.evaluation !== evaluation) return;
+        const start = performance.now();
+        bootstrap.draw(Math.min(step, left));
+        left -= step;
+        if (performance.now() - start < STEP_MS / 2) step *= 2;
+      }
+      this.intervals = bootstrap.intervals();
+      this.#emit("intervals");
+    } finally {
+      bootstrap.free();
+    }
+  }
+
+  /** What decides on the maps alone. @returns {ScoreOptions} */
+  #mapOptions() {
+    const { transform, rank } = this.options;
+    return { transform, rank };
   }
 
   /** @returns {ScoreOptions} */
@@ -827,6 +1041,7 @@ export class Session extends EventTarget {
       ...this.options,
       thresholds: Object.fromEntries(edited),
       ...(this.imageSize ? { imageSize: this.imageSize } : {}),
+      ...(this.folds > 0 ? { folds: this.folds } : {}),
     };
   }
 
@@ -840,9 +1055,7 @@ export class Session extends EventTarget {
     const { config } = encoder.info;
     if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
-    for (const [t, size] of this.#sizes.entries()) {
-      placed.set(latentToImage(config, points.slice(2 * t, 2 * t + 2), ...size), 2 * t);
-    }
+    for (let t = 0; t < this.#sizes.length; t++) placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
     return placed;
   }
 
@@ -871,6 +1084,7 @@ export class Session extends EventTarget {
     this.table = null;
     this.scoring = null;
     this.evaluation = null;
+    this.intervals = null;
     this.objects = [];
     this.sequences = [];
     this.frameNumbers = new Float64Array();
@@ -907,6 +1121,20 @@ export class Session extends EventTarget {
 }
 
 /**
+ * Options that were kept, as far as they are understood.
+ * @param {Record<string, any>} kept
+ * @returns {ScoreOptions}
+ */
+function optionsFrom({ transform, rank, thresholds }) {
+  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => Number.isFinite(value) && value > 0);
+  return {
+    transform: TRANSFORMS.includes(transform) ? transform : DEFAULTS.transform,
+    rank: RANKS.includes(rank) ? rank : DEFAULTS.rank,
+    thresholds: Object.fromEntries(usable),
+  };
+}
+
+/**
  * Whether two files are the same one, as far as their outside tells.
  * @param {Source} a
  * @param {Source} b
@@ -922,6 +1150,34 @@ function isSame(a, b) {
  */
 function insideOf({ path, folder }) {
   return (/** @type {{ path: string }} */ item) => item.path === path || item.path.startsWith(`${folder}/`);
+}
+
+/**
+ * What the user said of a table's numbers, in words of the terminal.
+ * @param {import("./pkg/index.js").TableOptions | undefined} options
+ * @param {string} prefix
+ */
+function readingWords(options, prefix) {
+  const { space, indexBase } = options ?? {};
+  return [
+    ...(space ? [`${prefix}space`, space] : []),
+    ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
+  ];
+}
+
+/**
+ * The folder that all sequences of images lie in.
+ * @param {string[]} paths
+ */
+function commonFolder(paths) {
+  if (paths.length === 0) return ".";
+  const folders = paths.map((path) => path.split("/").slice(0, -1));
+  let depth = 0;
+  while (folders.every((folder) => depth < folder.length && folder[depth] === folders[0][depth])) depth++;
+  const common = folders[0].slice(0, depth);
+  // A single sequence is itself in all paths.
+  if (common.length > 0 && folders.every((folder) => folder.length === common.length)) common.pop();
+  return common.join("/") || ".";
 }
 
 /** @param {unknown} error */

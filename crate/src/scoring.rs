@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use ndarray::{Array2, Array3, ArrayView1, Axis};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
@@ -236,6 +236,11 @@ impl Scoring {
             object.threshold = *threshold;
         }
         Ok(objects)
+    }
+
+    /// The N keypoints (x, y) of joined frame `t` as they are, N x 2; `None` past the last frame.
+    pub fn keypoints(&self, t: usize) -> Option<ArrayView2<'_, f64>> {
+        (t < self.keys.len()).then(|| self.keypoints.index_axis(Axis(0), t))
     }
 
     /// The points of object `k` and keypoint `n` with the map that `settings` fit.

@@ -54,9 +54,33 @@ test("frames, a checkpoint and a table make an evaluation", async () => {
 
   // The error is the mean squared distance between the transformed keypoint and the truth.
   const { best_keypoint: best, error } = evaluation.objects[2];
-  const { truth: x, transformed: z } = scoring.series(2, best);
+  const series = scoring.series(2, best);
+  const { truth: x, transformed: z } = series;
   const mean = x.reduce((sum, value, i) => sum + (value - z[i]) ** 2, 0) / 15;
-  assert.ok(Math.abs(mean - error) < 1e-12 + 1e-9 * error);
+  const near = (value) => assert.ok(Math.abs(value - error) < 1e-12 + 1e-9 * error, `${value} and ${error}`);
+  near(mean);
+  near(scoring.distances(2, best).reduce((sum, value) => sum + value, 0) / 15);
+  // All three sequences have five frames.
+  near(scoring.sequenceErrors(2, best).reduce((sum, { error }) => sum + error, 0) / 3);
+
+  // A frame's keypoints, and the weights that one of them is the mean position of.
+  const points = scoring.keypointsAt(7);
+  assert.deepEqual([...points.slice(2 * best, 2 * best + 2)], [...series.keypoint.slice(14, 16)]);
+  assert.throws(() => scoring.keypointsAt(15), /there is no frame 15/);
+  const path = (await paths())[frames.order[7]];
+  const map = encoder.heatMap(await read(path), path, best);
+  const column = (_, i) => (2 * (i % map.width)) / (map.width - 1) - 1;
+  const mean_x = map.weights.reduce((sum, weight, i) => sum + weight * column(weight, i), 0);
+  assert.equal(map.weights.length, map.width * map.height);
+  assert.ok(Math.abs(mean_x - points[2 * best]) < 1e-6);
+
+  // And the image that the decoder makes of all of them.
+  assert.equal(encoder.info.decoder, true);
+  const decoder = tracklens.Decoder.open(await golden("basic-vel-std-bg-tiny.safetensors"), "tiny.safetensors");
+  const image = decoder.reconstruct(points);
+  assert.equal(image.length, 4 * decoder.width * decoder.height);
+  assert.ok(image.every((value, i) => i % 4 !== 3 || value === 255) && image.some((value, i) => i % 4 !== 3 && value > 0));
+  assert.throws(() => decoder.reconstruct(points.slice(2)), /keypoints for a decoder of/);
 });
 
 test("a checkpoint of the authors' code is read as it is", async () => {
@@ -144,6 +168,54 @@ test("tables in pixels are read with the size of their images", () => {
     /push\.csv: the positions are in pixels/,
   );
   assert.throws(() => tracklens.GroundTruthTable.parse(bytes, "push.csv", { size: [1, 1] }), /size/);
+});
+
+test("an evaluation can be asked for more, drawn, written and read again", async () => {
+  const { table } = await extractAll();
+  const truth = tracklens.GroundTruthTable.parse(await read("ground_truth.csv"), "ground_truth.csv");
+  const scoring = new tracklens.Scoring(truth, table);
+  const plain = scoring.evaluate();
+  assert.equal(plain.sequences, undefined);
+  const options = { folds: 3, bootstrap: 30, seed: 7, sequences: true, context: true, imageSize: [256, 256] };
+  const evaluation = scoring.evaluate(options);
+  assert.deepEqual(evaluation.errors, plain.errors);
+  assert.equal(evaluation.held_out.folds, 3);
+  assert.deepEqual(evaluation.image_size, [256, 256]);
+
+  // In steps as at once.
+  const steps = scoring.bootstrap(options);
+  for (const count of [1, 9, 20]) steps.draw(count);
+  assert.deepEqual(steps.intervals(), evaluation.intervals);
+
+  const best = evaluation.objects[0].best_keypoint;
+  const distances = scoring.distances(0, best);
+  const mean = distances.reduce((sum, value) => sum + value, 0) / distances.length;
+  assert.ok(Math.abs(mean - evaluation.objects[0].error) < 1e-9 * mean);
+  const [worst] = scoring.sequenceErrors(0, best);
+  assert.equal(distances[worst.worst], worst.worstError);
+  assert.equal(worst.worstFrame, scoring.frameNumbers[worst.worst]);
+  assert.equal(worst.error, evaluation.sequences[0].errors[0].error);
+
+  const saved = new TextEncoder().encode(JSON.stringify(evaluation));
+  assert.deepEqual(tracklens.parseEvaluation(saved, "evaluation.json"), evaluation);
+  const newer = new TextEncoder().encode(JSON.stringify({ ...evaluation, schema: "tracklens/evaluation/9" }));
+  assert.throws(() => tracklens.parseEvaluation(newer, "e.json"), /e\.json: .*evaluation\/9.*reads up to/);
+
+  assert.match(tracklens.evaluationPage(evaluation), /^<!DOCTYPE html>/);
+  assert.match(tracklens.evaluationCsv(evaluation), /^object,tracked,error/);
+  const matrix = tracklens.matrixFigure(evaluation, Int32Array.of(1, -1, -1), undefined, 600);
+  assert.match(matrix.svg, /^<svg/);
+  assert.deepEqual([matrix.x, matrix.y], [[0, 4], [3, 0]]);
+  assert.match(tracklens.capabilityFigure(evaluation, 2, undefined, 600).svg, /^<svg/);
+  const errors = Float64Array.from(scoring.sequenceErrors(0, best), ({ error }) => error);
+  assert.match(tracklens.sequencesFigure(errors, 0.015, 0, undefined, 600).svg, /^<svg/);
+  assert.throws(() => tracklens.capabilityFigure(evaluation, 2, { foreground: "red" }, 600), /#rrggbb/);
+
+  assert.equal(
+    scoring.command({ truth: "my truth.csv", checkpoint: "w.pth", frames: "frames" }, { ...options, thresholds: { cube: 0.02 } }),
+    "tracklens eval --checkpoint w.pth --frames frames --truth 'my truth.csv' --threshold 'cube=0.02' --folds 3 " +
+      "--bootstrap 30 --resampling-seed 7 --sequences --context",
+  );
 });
 
 test("what the numbers of a table are taken for is told with its ground", () => {

@@ -12,6 +12,10 @@ import { blobOf } from "../files.js";
 /** Bytes that hold the directory of most archives. */
 const TAIL = 256 * 1024;
 const LOCAL_HEADER = 30;
+/** Bytes for the name and the extra field of most local headers. */
+const NAMES = 512;
+/** An entry of so many bytes, packed and unpacked together, is read at once. */
+const SMALL = 16 * 1024 * 1024;
 const LOCAL_MAGIC = 0x04034b50;
 
 /**
@@ -48,25 +52,31 @@ export async function entriesOf(blob, path) {
 }
 
 /**
- * The content of an entry. What is stored as it is stays where it is; what is packed goes through a stream into a blob,
- * which the browser may hold on disk.
+ * The content of an entry. A small one is read at once, with its header; of a large one, what is stored as it is stays
+ * where it is, and what is packed goes through a stream into a blob, which the browser may hold on disk.
  * @param {Blob} blob the archive
  * @param {ArchiveEntry} entry
  * @param {string} path for messages
  * @returns {Promise<Blob>}
  */
 export async function unpack(blob, entry, path) {
-  const header = new DataView(await blob.slice(entry.offset, entry.offset + LOCAL_HEADER).arrayBuffer());
-  if (header.byteLength < LOCAL_HEADER || header.getUint32(0, true) !== LOCAL_MAGIC) throw damaged(path, "no local header");
+  const isSmall = entry.packed + entry.size <= SMALL;
+  const ahead = LOCAL_HEADER + (isSmall ? NAMES + entry.packed : 0);
+  const read = await blob.slice(entry.offset, entry.offset + ahead).arrayBuffer();
+  const header = new DataView(read);
+  if (read.byteLength < LOCAL_HEADER || header.getUint32(0, true) !== LOCAL_MAGIC) throw damaged(path, "no local header");
   // Name and extra field stand here again, and need not be as long as in the directory.
-  const start = entry.offset + LOCAL_HEADER + header.getUint16(26, true) + header.getUint16(28, true);
-  const packed = blob.slice(start, start + entry.packed);
+  const start = LOCAL_HEADER + header.getUint16(26, true) + header.getUint16(28, true);
+  const end = start + entry.packed;
+  const isRead = isSmall && end <= read.byteLength;
+  const packed = isRead ? new Blob([read.slice(start, end)]) : blob.slice(entry.offset + start, entry.offset + end);
   if (packed.size !== entry.packed) throw damaged(path, "the archive ends before it does");
   if (!entry.deflated) return packed;
   const whole = new Meter(entry, path);
-  const unpacked = packed.stream().pipeThrough(new DecompressionStream("deflate-raw")).pipeThrough(whole.stream);
+  const bytes = isRead ? /** @type {ReadableStream} */ (new Response(read.slice(start, end)).body) : packed.stream();
+  const unpacked = new Response(bytes.pipeThrough(new DecompressionStream("deflate-raw")).pipeThrough(whole.stream));
   try {
-    return await new Response(unpacked).blob();
+    return isSmall ? new Blob([await unpacked.arrayBuffer()]) : await unpacked.blob();
   } catch (error) {
     throw whole.error ?? (error instanceof DOMException ? error : damaged(path, "its packed bytes are not whole"));
   }

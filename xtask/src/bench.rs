@@ -104,7 +104,7 @@ fn train(workspace: &Workspace) -> Result<()> {
 }
 
 fn size(workspace: &Workspace) -> Result<()> {
-    setup::browsers()?;
+    setup::chromium()?;
     package::build(workspace)?;
     site::write(workspace, &workspace.site())?;
     let mut cargo = run::cargo();

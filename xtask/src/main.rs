@@ -35,7 +35,7 @@ struct Cli {
 enum Task {
     /// Install what the build and the tests need and is missing: the wasm target, node, wasm-opt, Mesa's lavapipe.
     Setup {
-        /// Also what the tests of the page need: Chromium and chromedriver.
+        /// Also what the tests of the page need: Chromium, Firefox and their drivers. Firefox's is built, which takes minutes.
         #[arg(long)]
         browsers: bool,
     },
@@ -57,9 +57,9 @@ enum Task {
         open: bool,
     },
     /// Run every test: unit, doc, golden, command line, npm package, the GPU on Mesa's lavapipe, sweeps on Slurm and GNU
-    /// parallel, the recorder of PandaPush, the page in headless Chromium.
+    /// parallel, the recorder of PandaPush, the page in headless Chromium and Firefox.
     Test {
-        /// Leave out the tests of the page, which need Chromium and chromedriver.
+        /// Leave out the tests of the page, which need Chromium, Firefox and their drivers.
         #[arg(long)]
         skip_page: bool,
         /// Leave out the recorder of PandaPush, which needs Python and installs PyBullet.

@@ -15,6 +15,10 @@ use crate::{package, setup};
 /// Marks a folder as made here and lists what was put into it, each file with its SHA-256.
 const MARKER: &str = "tracklens-site.json";
 
+/// Keeps a copy of the site in the browser, and has to know its files for that.
+const WORKER: &str = "service-worker.js";
+const PLACEHOLDER: &str = r#"const SITE = { version: "", files: {} };"#;
+
 /// Where each file of the site comes from, by its path in the site with `/` between the parts.
 type Sources = BTreeMap<String, PathBuf>;
 
@@ -44,13 +48,16 @@ pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
     let before = files_before(&out)?;
     let sources = sources(workspace)?;
 
-    let mut hashes = BTreeMap::new();
-    let mut contents = Vec::new();
+    let mut contents = BTreeMap::new();
     for (name, source) in &sources {
         let content = fs::read(source).with_context(|| format!("cannot read {}", source.display()))?;
-        hashes.insert(name.as_str(), format!("{:x}", Sha256::digest(&content)));
-        contents.push((name, content));
+        contents.insert(name.as_str(), content);
     }
+    if let Some(worker) = contents.remove(WORKER) {
+        let worker = with_files(&worker, &contents)?;
+        contents.insert(WORKER, worker);
+    }
+    let hashes: BTreeMap<&str, String> = contents.iter().map(|(name, c)| (*name, sha256(c))).collect();
     let marker =
         serde_json::to_vec_pretty(&json!({ "tracklens": env!("CARGO_PKG_VERSION"), "files": hashes }))?;
 
@@ -66,6 +73,24 @@ pub fn write(workspace: &Workspace, out: &Path) -> Result<()> {
     }
     println!("{}: {} files", out.display(), sources.len());
     Ok(())
+}
+
+/// The service worker with the list of all other files: their hashes, their sizes, and a version that changes with any of
+/// them or with the worker itself.
+fn with_files(worker: &[u8], contents: &BTreeMap<&str, Vec<u8>>) -> Result<Vec<u8>> {
+    let worker = std::str::from_utf8(worker).with_context(|| format!("{WORKER} is not UTF-8"))?;
+    let file = |content: &Vec<u8>| json!({ "hash": sha256(content), "bytes": content.len() });
+    let files: BTreeMap<&str, Value> = contents.iter().map(|(name, c)| (*name, file(c))).collect();
+    let version = sha256(format!("{worker}{}", json!(files)).as_bytes());
+    let site = json!({ "version": &version[..16], "files": files });
+    let (before, rest) = worker
+        .split_once(PLACEHOLDER)
+        .with_context(|| format!("{WORKER} has no line `{PLACEHOLDER}`"))?;
+    Ok(format!("{before}const SITE = {site};{rest}").into_bytes())
+}
+
+fn sha256(content: &[u8]) -> String {
+    format!("{:x}", Sha256::digest(content))
 }
 
 /// The files that were put into the folder the last time and are still there.
@@ -244,6 +269,45 @@ mod tests {
             ]
         );
         assert_eq!(fs::read_to_string(out.join("index.html"))?, "new");
+        Ok(())
+    }
+
+    #[test]
+    fn the_service_worker_knows_the_files_and_changes_with_any_of_them() -> Result<()> {
+        let folder = TempDir::new()?;
+        let out = folder.path().join("out");
+        let workspace = workspace(folder.path())?;
+        let worker = workspace.web().join(WORKER);
+        put(&worker, format!("// why\n{PLACEHOLDER}\nserve(SITE);").as_bytes())?;
+        let site = || -> Result<(Value, String)> {
+            write(&workspace, &out)?;
+            let text = fs::read_to_string(out.join(WORKER))?;
+            let line = text.lines().nth(1).unwrap_or_default();
+            let json = line
+                .strip_prefix("const SITE = ")
+                .and_then(|rest| rest.strip_suffix(';'));
+            Ok((serde_json::from_str(json.context("no list of files")?)?, text))
+        };
+        let (first, text) = site()?;
+        assert!(text.starts_with("// why\n") && text.ends_with("\nserve(SITE);"));
+        let files = first["files"].as_object().context("no files")?;
+        let names: Vec<&str> = files.keys().map(String::as_str).collect();
+        assert_eq!(
+            names,
+            [
+                "example/truth.csv",
+                "index.html",
+                "pkg/index.js",
+                "pkg/tracklens_bg.wasm"
+            ]
+        );
+        assert_eq!(files["pkg/tracklens_bg.wasm"]["bytes"], 4);
+        assert_eq!(files["index.html"]["hash"], sha256(b"<!doctype html>"));
+        assert_eq!(site()?.0, first);
+        fs::write(workspace.web().join("example/truth.csv"), "frame,x,y")?;
+        assert_ne!(site()?.0["version"], first["version"]);
+        fs::write(&worker, "no list")?;
+        assert!(site().is_err());
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use crate::steps::Steps;
 use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
 
-const PAGE_TESTS: &str = "the page in a browser";
+const PAGE_TESTS: &str = "the page in browsers";
 const CLUSTER: &str = "sweeps on Slurm and GNU parallel";
 const RECORDER: &str = "recorder of PandaPush";
 const GPU: &str = "gpu on lavapipe";
@@ -27,7 +27,9 @@ pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
     let browsers = if skipped.page {
         None
     } else {
-        steps.run("set-up: Chromium and chromedriver", setup::browsers)
+        steps.run("set-up: Chromium, Firefox, axe", || {
+            Ok((setup::browsers(workspace)?, setup::axe(workspace)?))
+        })
     };
     let package = steps.run("wasm package", || package::build(workspace));
     let site = package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site())));
@@ -75,8 +77,8 @@ pub fn run(workspace: &Workspace, skipped: &Skipped) -> Result<()> {
     }
     if skipped.page {
         steps.skipped(PAGE_TESTS);
-    } else if browsers.and(site).is_some() {
-        steps.run(PAGE_TESTS, || page_tests(workspace));
+    } else if let Some(((geckodriver, axe), ())) = browsers.zip(site) {
+        steps.run(PAGE_TESTS, || page_tests(workspace, &geckodriver, &axe));
     } else {
         steps.blocked(PAGE_TESTS);
     }
@@ -193,8 +195,8 @@ fn npm_tests(workspace: &Workspace) -> Result<()> {
     )
 }
 
-/// The tests find the built site and the native binary, whose results they compare, by their environment.
-fn page_tests(workspace: &Workspace) -> Result<()> {
+/// The tests find the built site, the native binary, whose results they compare, and their tools by their environment.
+fn page_tests(workspace: &Workspace, geckodriver: &Path, axe: &Path) -> Result<()> {
     build_binary(workspace)?;
     let mut cargo = run::cargo();
     cargo
@@ -205,6 +207,8 @@ fn page_tests(workspace: &Workspace) -> Result<()> {
             "--package=tracklens-page-tests",
         ])
         .env("TRACKLENS_SITE", workspace.site())
+        .env("TRACKLENS_GECKODRIVER", geckodriver)
+        .env("TRACKLENS_AXE", axe)
         .env("TRACKLENS_BIN", workspace.binary("tracklens"));
     run::run(cargo.current_dir(workspace.root()))
 }

@@ -4,7 +4,7 @@ use rten_gemm::GemmExecutor;
 
 use super::conv::{Conv, Im2ColOffsets};
 use super::pool::max_pool_affine_relu;
-use super::softargmax::soft_argmax;
+use super::softargmax::{soft_argmax, softmax};
 use crate::checkpoint::{Checkpoint, ConvLayer, LatentGrid, SaeConfig, TEMPERATURE};
 use crate::data::{Filter, Frame};
 use crate::error::{Error, Result};
@@ -35,6 +35,15 @@ pub struct Workspace {
     offsets: Vec<Im2ColOffsets>,
     front: Vec<f32>,
     back: Vec<f32>,
+}
+
+/// The softmax of one keypoint's last feature map: the weights whose mean position the keypoint is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeatMap {
+    /// The number of columns. The centres of the border cells are -1 and +1 of the latent space.
+    pub width: usize,
+    /// Row by row from the top; their sum is 1.
+    pub weights: Vec<f32>,
 }
 
 impl Encoder {
@@ -81,15 +90,38 @@ impl Encoder {
     /// # Errors
     /// As [`Encoder::run`].
     pub fn extract(&self, workspace: &mut Workspace, frame: &Frame) -> Result<Vec<[f32; 2]>> {
+        let (input, size) = self.input(frame);
+        self.run(workspace, &input, size)
+    }
+
+    /// The weights behind keypoint `n` of a frame, which is resized as in [`Encoder::extract`].
+    ///
+    /// # Errors
+    /// When there is no keypoint `n`; as [`Encoder::run`].
+    pub fn heat_map(&self, workspace: &mut Workspace, frame: &Frame, n: usize) -> Result<HeatMap> {
+        if n >= self.config.keypoints {
+            return Err(Error::input(format!(
+                "there is no keypoint {n}; expected one below {}",
+                self.config.keypoints
+            )));
+        }
+        let (input, size) = self.input(frame);
+        let [width, height] = self.features(workspace, &input, size)?;
+        let map = &workspace.front[n * width * height..][..width * height];
+        let weights = softmax(map, self.temperature);
+        if weights.iter().any(|weight| !weight.is_finite()) {
+            return Err(not_finite(n));
+        }
+        Ok(HeatMap { width, weights })
+    }
+
+    /// The planar input of a frame and its `[width, height]`.
+    fn input(&self, frame: &Frame) -> (Vec<f32>, [usize; 2]) {
         let size = self
             .config
             .input_size
             .unwrap_or([frame.width() as usize, frame.height() as usize]);
-        self.run(
-            workspace,
-            &frame.to_planar(Some(size), Filter::BilinearAntialias),
-            size,
-        )
+        (frame.to_planar(Some(size), Filter::BilinearAntialias), size)
     }
 
     /// The keypoints of an input of 3 x height x width values in [0, 1] with `size` = `[width, height]`.
@@ -97,6 +129,18 @@ impl Encoder {
     /// # Errors
     /// When the input is not of that size, or a keypoint is not a finite number.
     pub fn run(&self, workspace: &mut Workspace, input: &[f32], size: [usize; 2]) -> Result<Vec<[f32; 2]>> {
+        let [width, height] = self.features(workspace, input, size)?;
+        finite(
+            workspace
+                .front
+                .chunks_exact(width * height)
+                .map(|map| soft_argmax(map, width, self.temperature))
+                .collect(),
+        )
+    }
+
+    /// Leaves the N feature maps of an input in `front` of the workspace and returns their `[width, height]`.
+    fn features(&self, workspace: &mut Workspace, input: &[f32], size: [usize; 2]) -> Result<[usize; 2]> {
         if input.len() != 3 * size[0] * size[1] || input.is_empty() {
             return Err(Error::input(format!(
                 "an input of {} values for {} x {} pixels; expected 3 values a pixel",
@@ -118,12 +162,7 @@ impl Encoder {
         for (layer, offsets) in self.layers.iter().zip(offsets) {
             size = layer.run(gemm, offsets, front, back, size)?;
         }
-        finite(
-            front
-                .chunks_exact(size[0] * size[1])
-                .map(|map| soft_argmax(map, size[0], self.temperature))
-                .collect(),
-        )
+        Ok(size)
     }
 
     /// Checks that an input of `[width, height]` is large enough for every layer.
@@ -210,15 +249,19 @@ pub(crate) fn finite(keypoints: Vec<[f32; 2]>) -> Result<Vec<[f32; 2]>> {
         .iter()
         .position(|point| point.iter().any(|v| !v.is_finite()))
     {
-        Some(n) => Err(Error::numeric(format!(
-            "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged training do"
-        ))),
+        Some(n) => Err(not_finite(n)),
         None => Ok(keypoints),
     }
 }
 
+fn not_finite(n: usize) -> Error {
+    Error::numeric(format!(
+        "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged training do"
+    ))
+}
+
 /// Scale and shift per channel of a batch norm in evaluation.
-fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>)> {
+pub(super) fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>)> {
     let part = |part: &str| checkpoint.tensor(&format!("{name}.{part}")).map(|t| &t.data);
     let (weight, bias) = (part("weight")?, part("bias")?);
     let (mean, variance) = (part("running_mean")?, part("running_var")?);

@@ -6,11 +6,13 @@
 //! reused by the following ones.
 
 mod conv;
+mod decoder;
 mod encoder;
 mod pool;
 mod softargmax;
 
 pub use crate::checkpoint::LatentGrid;
+pub use decoder::Decoder;
 #[cfg(feature = "model")]
 pub(crate) use encoder::finite;
-pub use encoder::{Encoder, Workspace};
+pub use encoder::{Encoder, HeatMap, Workspace};

@@ -23,8 +23,17 @@ pub(super) fn soft_argmax(map: &[f32], width: usize, temperature: f32) -> [f32; 
     [(along_x / total) as f32, (along_y / total) as f32]
 }
 
+/// The softmax of a map, the maximum subtracted first.
+pub(super) fn softmax(map: &[f32], temperature: f32) -> Vec<f32> {
+    let activation = |value: &f32| value / temperature;
+    let max = map.iter().map(activation).fold(f32::NEG_INFINITY, f32::max);
+    let weight = |value: &f32| f64::from((activation(value) - max).exp());
+    let total: f64 = map.iter().map(weight).sum();
+    map.iter().map(|value| (weight(value) / total) as f32).collect()
+}
+
 /// `linspace(-1, 1, cells)[i]`; a single cell is at -1, as PyTorch has it.
-fn cell(i: usize, cells: usize) -> f64 {
+pub(super) fn cell(i: usize, cells: usize) -> f64 {
     if cells == 1 {
         return -1.0;
     }

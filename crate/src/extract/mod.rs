@@ -11,7 +11,7 @@ pub use device::{DeviceExtractor, Prepared};
 
 use crate::checkpoint::Checkpoint;
 use crate::data::Frame;
-use crate::engine::{Encoder, LatentGrid, Workspace};
+use crate::engine::{Encoder, HeatMap, LatentGrid, Workspace};
 use crate::error::Result;
 
 /// The keypoints of one frame.
@@ -74,6 +74,14 @@ impl<E: std::borrow::Borrow<Encoder>> CpuExtractor<E> {
     /// The encoder.
     pub fn encoder(&self) -> &Encoder {
         self.encoder.borrow()
+    }
+
+    /// The weights behind keypoint `n` of a frame.
+    ///
+    /// # Errors
+    /// As [`Encoder::heat_map`].
+    pub fn heat_map(&mut self, frame: &Frame, n: usize) -> Result<HeatMap> {
+        self.encoder.borrow().heat_map(&mut self.workspace, frame, n)
     }
 }
 

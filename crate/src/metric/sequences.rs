@@ -117,7 +117,11 @@ pub fn deal(sequences: usize, folds: usize, seed: u64) -> Result<Vec<usize>> {
         )));
     }
     let mut order: Vec<usize> = (0..sequences).collect();
-    Rng::with_seed(seed).shuffle(&mut order);
+    let mut rng = Rng::with_seed(seed);
+    // Numbers of a fixed width, unlike those of `shuffle`: WebAssembly deals as every other machine.
+    for i in 1..order.len() {
+        order.swap(i, rng.u64(..=i as u64) as usize);
+    }
     let mut fold_of = vec![0; sequences];
     for (place, sequence) in order.into_iter().enumerate() {
         fold_of[sequence] = place % folds;
@@ -246,7 +250,7 @@ impl Bootstrap {
             )));
         }
         for _ in 0..resamples {
-            let drawn = (0..parts.len()).map(|_| &parts[self.rng.usize(0..parts.len())]);
+            let drawn = (0..parts.len()).map(|_| &parts[self.rng.u64(0..parts.len() as u64) as usize]);
             let evaluation = Moments::of(drawn)?.evaluate(&self.objects, &self.settings)?;
             self.capabilities.push(evaluation.tracking_capability);
             for (errors, object) in self.errors.iter_mut().zip(&evaluation.objects) {

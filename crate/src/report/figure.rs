@@ -8,7 +8,7 @@ use plotters::element::PathElement;
 use plotters::prelude::DrawingBackend;
 use plotters::series::LineSeries as Line;
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::measured::Measured;
 use crate::error::{Error, Result};
@@ -68,6 +68,9 @@ pub struct LineFigure {
     pub series: Vec<LineSeries>,
     /// Position of a vertical marker, as an index into the values.
     pub cursor: Option<f64>,
+    /// Whether the y axis starts at 0, as it should for what is never negative.
+    #[serde(default)]
+    pub from_zero: bool,
     /// Colour of text and axes.
     pub foreground: Color,
     /// Colour of the plate.
@@ -78,11 +81,32 @@ pub struct LineFigure {
     pub font_size: u32,
 }
 
-/// Draws the figure over the whole of a backend.
+/// Where a figure has its axes: what it takes to find the value under a pointer, or to mark one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PlotArea {
+    /// Pixel column of the first value.
+    pub left: i32,
+    /// Pixel column of the last value.
+    pub right: i32,
+    /// Pixel row of `high`.
+    pub top: i32,
+    /// Pixel row of `low`.
+    pub bottom: i32,
+    /// Frame number at `left`.
+    pub start: f64,
+    /// Frame number at `right`.
+    pub end: f64,
+    /// Value at `bottom`.
+    pub low: f64,
+    /// Value at `top`.
+    pub high: f64,
+}
+
+/// Draws the figure over the whole of a backend and says where its axes are.
 ///
 /// # Errors
 /// When the backend fails.
-pub fn draw_lines<B: DrawingBackend>(backend: B, figure: &LineFigure) -> Result<()> {
+pub fn draw_lines<B: DrawingBackend>(backend: B, figure: &LineFigure) -> Result<PlotArea> {
     draw(&Measured(backend).into_drawing_area(), figure)
         .map_err(|e| Error::input(format!("the figure could not be drawn: {e}")))
 }
@@ -105,7 +129,7 @@ pub fn lines_to_svg(figure: &LineFigure, width: u32, height: u32) -> Result<Stri
 fn draw<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     figure: &LineFigure,
-) -> std::result::Result<(), plotters::drawing::DrawingAreaErrorKind<B::ErrorType>> {
+) -> std::result::Result<PlotArea, plotters::drawing::DrawingAreaErrorKind<B::ErrorType>> {
     let em = figure.font_size.max(1) as i32;
     let foreground = figure.foreground.rgb();
     let text_style = || TextStyle::from(("sans-serif", em).into_font()).color(&foreground);
@@ -135,7 +159,7 @@ fn draw<B: DrawingBackend>(
         .axis_style(figure.foreground.rgb())
         .label_style(text_style())
         .x_label_formatter(&|x| format!("{x:.0}"))
-        .y_label_formatter(&|y| format!("{y:.2}"))
+        .y_label_formatter(&|y| tick(*y, high - low))
         .x_desc(&figure.x_label)
         .y_desc(&figure.y_label)
         .draw()?;
@@ -155,7 +179,28 @@ fn draw<B: DrawingBackend>(
         }
     }
     legend(area, figure, &text_style())?;
-    area.present()
+    area.present()?;
+    let (columns, rows) = chart.plotting_area().get_pixel_range();
+    Ok(PlotArea {
+        left: columns.start,
+        right: columns.end,
+        top: rows.start,
+        bottom: rows.end,
+        start: figure.start,
+        end,
+        low,
+        high,
+    })
+}
+
+/// A label of the y axis, with the digits that tell it from its neighbours.
+fn tick(y: f64, span: f64) -> String {
+    if y != 0.0 && span < 1e-3 {
+        return format!("{y:.1e}");
+    }
+    // About five labels a span.
+    let decimals = (0.7 - span.log10()).ceil().max(2.0) as usize;
+    format!("{y:.decimals$}")
 }
 
 /// One line above the plot, from the right: a stroke of the colour and the label.
@@ -181,7 +226,7 @@ fn legend<B: DrawingBackend>(
     Ok(())
 }
 
-/// The range of all finite values with a margin, never empty.
+/// The range of all finite values with a margin, never empty; from 0 on if the figure says so.
 fn value_range(figure: &LineFigure) -> [f64; 2] {
     let values = || {
         figure
@@ -193,6 +238,9 @@ fn value_range(figure: &LineFigure) -> [f64; 2] {
     };
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
+    if figure.from_zero {
+        return [0.0, if high > 0.0 { 1.08 * high } else { 1.0 }];
+    }
     if low > high {
         return [-1.0, 1.0];
     }

@@ -21,7 +21,7 @@ pub use evaluation::{
     IntervalsReport, JoinReport, JoinSummary, KeypointError, MapReport, ObjectReport, RegressionReport,
     SequenceReport, SequencesReport, Unmatched,
 };
-pub use figure::{Color, LineFigure, LineSeries, draw_lines, lines_to_svg};
+pub use figure::{Color, LineFigure, LineSeries, PlotArea, draw_lines, lines_to_svg};
 pub use figures::{Drawn, Figure, Theme, capability, evaluation_figures, matrix, sequences};
 pub use page::evaluation_page;
 pub use plots::figures;

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use js_sys::Float64Array;
+use js_sys::{Float32Array, Float64Array};
 use serde::Serialize;
 use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error, to_js};
 use crate::checkpoint::Checkpoint;
+use crate::data::Frame;
 use crate::engine;
 use crate::error::Error;
 use crate::extract::{CpuExtractor, Extractor};
@@ -16,6 +17,7 @@ use crate::extract::{CpuExtractor, Extractor};
 #[wasm_bindgen]
 pub struct Encoder {
     extractor: CpuExtractor<engine::Encoder>,
+    has_decoder: bool,
     metadata: BTreeMap<String, String>,
 }
 
@@ -33,6 +35,31 @@ pub struct Extraction {
     image_size: [u32; 2],
 }
 
+/// The weights behind one keypoint of a frame.
+#[wasm_bindgen]
+pub struct HeatMap(engine::HeatMap);
+
+#[wasm_bindgen]
+impl HeatMap {
+    /// The number of columns.
+    #[wasm_bindgen(getter)]
+    pub fn width(&self) -> usize {
+        self.0.width
+    }
+
+    /// The number of rows.
+    #[wasm_bindgen(getter)]
+    pub fn height(&self) -> usize {
+        self.0.weights.len() / self.0.width
+    }
+
+    /// Row by row from the top.
+    #[wasm_bindgen(getter)]
+    pub fn weights(&self) -> Float32Array {
+        Float32Array::from(&self.0.weights[..])
+    }
+}
+
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
 struct EncoderInfo<'a> {
@@ -40,6 +67,7 @@ struct EncoderInfo<'a> {
     keypoints: usize,
     input_size: Option<[usize; 2]>,
     encoder_channels: &'a [usize],
+    decoder: bool,
     config: String,
     metadata: &'a BTreeMap<String, String>,
 }
@@ -57,6 +85,7 @@ impl Encoder {
             let extractor = CpuExtractor::from_checkpoint(&checkpoint)?;
             Ok(Self {
                 extractor,
+                has_decoder: checkpoint.has_decoder(),
                 metadata: checkpoint.metadata,
             })
         };
@@ -77,6 +106,7 @@ impl Encoder {
             keypoints: config.keypoints,
             input_size: config.input_size,
             encoder_channels: &config.encoder_channels,
+            decoder: self.has_decoder,
             config: json,
             metadata: &self.metadata,
         })
@@ -93,6 +123,16 @@ impl Encoder {
             points,
             image_size: found.image_size,
         })
+    }
+
+    /// Decodes an image and gives the weights behind one of its keypoints.
+    ///
+    /// # Errors
+    /// When the image cannot be decoded or there is no such keypoint.
+    #[wasm_bindgen(js_name = heatMap)]
+    pub fn heat_map(&mut self, image: &[u8], name: &str, keypoint: usize) -> JsResult<HeatMap> {
+        let map = Frame::decode(image).and_then(|frame| self.extractor.heat_map(&frame, keypoint));
+        Ok(HeatMap(map.map_err(|e| js_error(&e.at(name)))?))
     }
 }
 

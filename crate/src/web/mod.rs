@@ -8,7 +8,11 @@ mod comparison;
 #[cfg(feature = "web-scoring")]
 mod containers;
 #[cfg(feature = "web-extraction")]
+mod decoder;
+#[cfg(feature = "web-extraction")]
 mod encoder;
+#[cfg(feature = "web-figures")]
+mod evaluation;
 #[cfg(feature = "web-figures")]
 mod figure;
 #[cfg(feature = "web-scoring")]
@@ -50,6 +54,7 @@ fn js_error(error: &Error) -> JsValue {
 }
 
 /// Plain JavaScript objects; `None` becomes null.
+#[cfg(any(feature = "web-scoring", feature = "web-extraction", feature = "web-figures"))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)

@@ -1,9 +1,10 @@
 //! Scoring in JavaScript.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use js_sys::{Float64Array, Object, Reflect};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
 use super::frames::{FrameIndex, JsJoin, sequences_to_js};
@@ -11,8 +12,9 @@ use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
-use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::EvaluationReport;
+use crate::error::Error;
+use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
+use crate::report::{EvaluationReport, Inputs, IntervalsReport, Request};
 use crate::scoring;
 use crate::track::FrameKey;
 
@@ -21,6 +23,7 @@ use crate::track::FrameKey;
 pub struct Scoring {
     scoring: scoring::Scoring,
     join: JsJoin,
+    policy: NonFinite,
 }
 
 #[derive(Default, Deserialize)]
@@ -30,21 +33,99 @@ struct ScoreOptions {
     rank: Option<String>,
     thresholds: BTreeMap<String, f64>,
     image_size: Option<[u32; 2]>,
+    folds: Option<usize>,
+    bootstrap: Option<usize>,
+    seed: u64,
+    sequences: bool,
+    context: bool,
 }
 
 impl ScoreOptions {
-    fn from_js(value: JsValue, call: &str) -> JsResult<Self> {
-        let keys = ["transform", "rank", "thresholds", "imageSize"];
-        from_js(value, &format!("the options of {call}"), &keys)
+    fn request(value: JsValue, call: &str) -> JsResult<Request> {
+        let keys = [
+            "transform",
+            "rank",
+            "thresholds",
+            "imageSize",
+            "folds",
+            "bootstrap",
+            "seed",
+            "sequences",
+            "context",
+        ];
+        let options: Self = from_js(value, &format!("the options of {call}"), &keys)?;
+        let transform = options
+            .transform
+            .as_deref()
+            .map(str::parse::<Transform>)
+            .transpose();
+        let rank = options.rank.as_deref().map(str::parse::<Rank>).transpose();
+        Ok(Request {
+            settings: Settings {
+                transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
+                rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
+            },
+            thresholds: options.thresholds.into_iter().collect(),
+            image_size: options.image_size,
+            folds: options.folds,
+            bootstrap: options.bootstrap,
+            seed: options.seed,
+            sequences: options.sequences,
+            context: options.context,
+        })
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct CommandInputs {
+    truth: String,
+    keypoints: Option<String>,
+    checkpoint: Option<String>,
+    frames: Option<String>,
+    options: Vec<String>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct SequenceError {
+    sequence: String,
+    start: usize,
+    length: usize,
+    frames: u64,
+    error: f64,
+    worst: usize,
+    worst_frame: u64,
+    worst_error: f64,
+}
+
+/// 95 % intervals over the sequences, drawn in steps.
+#[wasm_bindgen]
+pub struct Bootstrap {
+    bootstrap: metric::Bootstrap,
+    sequences: Arc<[Moments]>,
+    objects: Vec<String>,
+    seed: u64,
+}
+
+#[wasm_bindgen]
+impl Bootstrap {
+    /// Draws the sequences `resamples` times more.
+    ///
+    /// # Errors
+    /// When there are fewer than two sequences.
+    pub fn draw(&mut self, resamples: usize) -> JsResult<()> {
+        let drawn = self.bootstrap.draw(&self.sequences, resamples);
+        drawn.map_err(|e| js_error(&e))
     }
 
-    fn settings(&self) -> JsResult<Settings> {
-        let transform = self.transform.as_deref().map(str::parse::<Transform>).transpose();
-        let rank = self.rank.as_deref().map(str::parse::<Rank>).transpose();
-        Ok(Settings {
-            transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
-            rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
-        })
+    /// The intervals of what was drawn.
+    ///
+    /// # Errors
+    /// When nothing was drawn.
+    pub fn intervals(&self) -> JsResult<JsValue> {
+        let intervals = self.bootstrap.clone().finish().map_err(|e| js_error(&e))?;
+        to_js(&IntervalsReport::new(&intervals, self.seed, &self.objects))
     }
 }
 
@@ -65,7 +146,11 @@ impl Scoring {
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
         let scoring = scoring::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
         let join = JsJoin::new(scoring.join(), keypoints.keys(), truth.keys());
-        Ok(Self { scoring, join })
+        Ok(Self {
+            scoring,
+            join,
+            policy,
+        })
     }
 
     /// How frames found their rows.
@@ -135,18 +220,95 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood.
     pub fn evaluate(&self, options: JsValue) -> JsResult<JsValue> {
-        let options = ScoreOptions::from_js(options, "evaluate")?;
-        let settings = options.settings()?;
-        let thresholds: Vec<(String, f64)> = options.thresholds.into_iter().collect();
-        let evaluation = self
+        let request = ScoreOptions::request(options, "evaluate")?;
+        let report = request.evaluate(&self.scoring, &self.join.report);
+        to_js(&report.map_err(|e| js_error(&e))?)
+    }
+
+    /// The start of a bootstrap over the sequences.
+    ///
+    /// # Errors
+    /// When an option is not understood.
+    pub fn bootstrap(&self, options: JsValue) -> JsResult<Bootstrap> {
+        let request = ScoreOptions::request(options, "bootstrap")?;
+        let started = self
             .scoring
-            .evaluate(&thresholds, &settings)
-            .map_err(|e| js_error(&e))?;
-        to_js(&EvaluationReport::new(
-            &evaluation,
-            options.image_size,
-            Some(&self.join.report),
-        ))
+            .start_bootstrap(request.seed, &request.thresholds, &request.settings);
+        let (bootstrap, sequences) = started.map_err(|e| js_error(&e))?;
+        Ok(Bootstrap {
+            bootstrap,
+            sequences,
+            objects: self.scoring.objects().to_vec(),
+            seed: request.seed,
+        })
+    }
+
+    /// The error of an object with a keypoint by the sequence, the worst one first.
+    ///
+    /// # Errors
+    /// When there is no such object or keypoint.
+    #[wasm_bindgen(js_name = sequenceErrors)]
+    pub fn sequence_errors(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
+        let settings = ScoreOptions::request(options, "sequenceErrors")?.settings;
+        let errors = self.scoring.sequence_errors(object, keypoint, &settings);
+        let errors: Vec<SequenceError> = errors
+            .map_err(|e| js_error(&e))?
+            .into_iter()
+            .map(|error| SequenceError {
+                sequence: error.range.name,
+                start: error.range.start,
+                length: error.range.length,
+                frames: error.frames,
+                error: error.error,
+                worst: error.worst,
+                worst_frame: self.scoring.keys()[error.worst].frame,
+                worst_error: error.worst_error,
+            })
+            .collect();
+        to_js(&errors)
+    }
+
+    /// The squared distance between an object and a keypoint under its map in every joined frame.
+    ///
+    /// # Errors
+    /// When there is no such object or keypoint.
+    pub fn distances(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<Vec<f64>> {
+        let settings = ScoreOptions::request(options, "distances")?.settings;
+        let distances = self.scoring.distances(object, keypoint, &settings);
+        distances.map_err(|e| js_error(&e))
+    }
+
+    /// The command of the terminal that gives the same evaluation.
+    ///
+    /// # Errors
+    /// When an option is not understood, or a name cannot be written in a shell.
+    pub fn command(&self, inputs: JsValue, options: JsValue) -> JsResult<String> {
+        let request = ScoreOptions::request(options, "command")?;
+        let keys = ["truth", "keypoints", "checkpoint", "frames", "options"];
+        let inputs: CommandInputs = from_js(inputs, "the inputs of command", &keys)?;
+        let inputs = Inputs {
+            truth: inputs.truth,
+            keypoints: inputs.keypoints,
+            checkpoint: inputs.checkpoint,
+            frames: inputs.frames,
+            options: inputs.options,
+        };
+        request.command(&inputs, self.policy).map_err(|e| js_error(&e))
+    }
+
+    /// The keypoints of a joined frame, N x 2.
+    ///
+    /// # Errors
+    /// When there is no such frame.
+    #[wasm_bindgen(js_name = keypointsAt)]
+    pub fn keypoints_at(&self, frame: usize) -> JsResult<Vec<f64>> {
+        let points = self.scoring.keypoints(frame).ok_or_else(|| {
+            let frames = self.frames();
+            js_error(&Error::input(format!(
+                "there is no frame {frame}; expected one below {frames}"
+            )))
+        })?;
+        Ok(points.iter().copied().collect())
     }
 
     /// An object, a keypoint, and the keypoint under its map, over the joined frames.
@@ -154,8 +316,7 @@ impl Scoring {
     /// # Errors
     /// When there is no such object or keypoint.
     pub fn series(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
-        let options = ScoreOptions::from_js(options, "series")?;
-        let settings = options.settings()?;
+        let settings = ScoreOptions::request(options, "series")?.settings;
         let series = self
             .scoring
             .series(object, keypoint, &settings)
@@ -171,4 +332,13 @@ impl Scoring {
         }
         Ok(out.into())
     }
+}
+
+/// Reads the JSON of an evaluation.
+///
+/// # Errors
+/// As [`EvaluationReport::parse`].
+#[wasm_bindgen(js_name = parseEvaluation)]
+pub fn parse_evaluation(bytes: &[u8], name: &str) -> JsResult<JsValue> {
+    to_js(&EvaluationReport::parse(bytes, name).map_err(|e| js_error(&e))?)
 }

@@ -1,15 +1,12 @@
 //! The page with 10,000 frames of 256 px, as a folder and as a ZIP archive: how long it takes to read, join and extract
 //! them, how large the tab gets, and how fast frames can be scrubbed. `cargo xtask bench size` builds what this needs.
 
-#[path = "../tests/browser/mod.rs"]
-mod browser;
-
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use browser::{Page, example};
+use tracklens_page_tests::{Page, example};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 

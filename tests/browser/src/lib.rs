@@ -1,1 +1,27 @@
-//! Tests of the page in a real browser are in `tests/page.rs`; this crate has nothing else.
+//! The page in real browsers, driven through its own controls. The tests are in `tests/`; here is what they share.
+
+mod browser;
+mod page;
+mod server;
+
+pub use browser::Browser;
+pub use page::{Page, example, site, tracklens};
+pub use server::Server;
+
+/// Makes a test of every function `async fn(Browser)`, in Chromium and in Firefox.
+#[macro_export]
+macro_rules! in_every_browser {
+    ($($test:ident)*) => { $(
+        mod $test {
+            #[tokio::test(flavor = "multi_thread")]
+            async fn in_chromium() {
+                super::$test($crate::Browser::Chromium).await;
+            }
+
+            #[tokio::test(flavor = "multi_thread")]
+            async fn in_firefox() {
+                super::$test($crate::Browser::Firefox).await;
+            }
+        }
+    )* };
+}

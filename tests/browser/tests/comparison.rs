@@ -1,15 +1,14 @@
 //! Runs side by side in the page, against `tracklens report` and `tracklens score` on the same files.
 
-mod browser;
 #[path = "../../shared/runs.rs"]
 mod runs;
 
 use std::fs;
 use std::path::Path;
 
-use browser::{Page, example, tracklens};
 use runs::{config, sweep, write_run};
 use serde_json::{Value, json};
+use tracklens_page_tests::{Page, example, tracklens};
 
 /// Keeps what the page saves.
 const KEEP: &str = "

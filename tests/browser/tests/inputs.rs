@@ -1,13 +1,11 @@
 //! What can be dropped on the page, and what can be corrected then; against the `tracklens` command on the same files.
 
-mod browser;
-
 use std::fs;
 use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
-use browser::{Page, example, tracklens};
 use serde_json::Value;
+use tracklens_page_tests::{Page, example, tracklens};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 

@@ -1,12 +1,10 @@
-//! The page in headless Chromium, through its own controls, against the `tracklens` command on the same files.
-
-mod browser;
+//! The page, through its own controls, against the `tracklens` command on the same files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use browser::{Page, example, tracklens};
 use serde_json::Value;
+use tracklens_page_tests::{Browser, Page, example, in_every_browser, tracklens};
 
 /// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and without fused
 /// multiply-add): keypoints agree to 1e-4, and their errors, means over all frames, to far less.
@@ -83,6 +81,12 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_slice(&tracklens(&[arguments, &["--json"]].concat())).expect("JSON")
 }
 
+in_every_browser! {
+    the_example_is_one_click_away_and_thresholds_act_at_once
+    keypoints_take_the_place_of_frames_and_checkpoint
+    bad_tables_and_checkpoints_are_told_and_replaced
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_dropped_folder_scores_as_in_the_terminal() {
     let page = Page::open().await;
@@ -155,9 +159,8 @@ fn points(table: &str) -> Vec<(String, [f64; 2])> {
     table.lines().skip(1).map(row).collect()
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn the_example_is_one_click_away_and_thresholds_act_at_once() {
-    let page = Page::open().await;
+async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Browser) {
+    let page = Page::open_in(browser).await;
     page.click("#try-example").await;
     page.until_scored().await;
     let expected = evaluation_of_the_example();
@@ -278,9 +281,8 @@ fn tables() -> tempfile::TempDir {
     folder
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn keypoints_take_the_place_of_frames_and_checkpoint() {
-    let page = Page::open().await;
+async fn keypoints_take_the_place_of_frames_and_checkpoint(browser: Browser) {
+    let page = Page::open_in(browser).await;
     let folder = tables();
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
     page.pick(&[&keypoints, &truth]).await;
@@ -296,9 +298,8 @@ async fn keypoints_take_the_place_of_frames_and_checkpoint() {
     page.close().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn bad_tables_and_checkpoints_are_told_and_replaced() {
-    let page = Page::open().await;
+async fn bad_tables_and_checkpoints_are_told_and_replaced(browser: Browser) {
+    let page = Page::open_in(browser).await;
     let folder = tables();
     let at = |name: &str| folder.path().join(name);
     let good = fs::read_to_string(at("gt.csv")).expect("a table");

@@ -1,12 +1,10 @@
 //! The pool of extraction workers in headless Chromium, which a script before the page gives four cores and a hand on its
 //! workers.
 
-mod browser;
-
 use std::collections::HashMap;
 
-use browser::{Page, example, tracklens};
 use serde_json::{Value, json};
+use tracklens_page_tests::{Page, example, tracklens};
 
 /// Single precision with other kernels, and fused multiply-add only natively.
 const KEYPOINTS: f64 = 1e-4;

@@ -32,7 +32,7 @@ const TABLES: [usize; 3] = [2500, 32, 3];
 const PATIENCE: Duration = Duration::from_secs(1800);
 
 pub fn run(workspace: &Workspace) -> Result<()> {
-    let browser = setup::browsers()?;
+    let browser = setup::chromium()?;
     let node = setup::node()?;
     let peers = setup::npm_packages(workspace, &node, &setup::PAGE_PEERS)?;
     package::build(workspace)?;

@@ -1,4 +1,4 @@
-//! Chromium and chromedriver, for the tests of the page.
+//! Chromium and Firefox with their drivers, for the tests of the page.
 
 use std::env::consts::OS;
 use std::path::PathBuf;
@@ -7,8 +7,9 @@ use anyhow::{Context, Result, bail};
 
 use super::install::Package;
 use crate::run;
+use crate::workspace::Workspace;
 
-const BROWSERS: Package = Package {
+const CHROMIUM: Package = Package {
     what: "Chromium and chromedriver",
     apt: &["chromium", "chromium-driver"],
     elsewhere: &[
@@ -36,15 +37,76 @@ const PLACES: [&str; 4] = [
     r"C:\Program Files (x86)\Google\Chrome\Application\chrome.exe",
 ];
 
+const FIREFOX: Package = Package {
+    what: "Firefox",
+    apt: &["firefox-esr"],
+    elsewhere: &[
+        ("brew", "brew install --cask firefox"),
+        ("dnf", "sudo dnf install firefox"),
+        ("pacman", "sudo pacman -S firefox"),
+        ("zypper", "sudo zypper install MozillaFirefox"),
+    ],
+    otherwise: "Firefox is at https://www.mozilla.org/firefox",
+};
+
+/// Firefox's driver, which few systems have a package of.
+const GECKODRIVER: &str = "0.37.1";
+
+/// Where Firefox is installed outside of the path.
+const FIREFOX_PLACES: [&str; 2] = [
+    "/Applications/Firefox.app/Contents/MacOS/firefox",
+    r"C:\Program Files\Mozilla Firefox\firefox.exe",
+];
+
+/// Finds the browsers and their drivers or installs them, and returns the path of geckodriver.
+///
+/// # Errors
+/// One is missing and cannot be installed, or versions do not fit; says what to do.
+pub fn browsers(workspace: &Workspace) -> Result<PathBuf> {
+    chromium()?;
+    firefox(workspace)
+}
+
+/// Finds Firefox or installs it, and builds its driver once into cargo's target directory.
+fn firefox(workspace: &Workspace) -> Result<PathBuf> {
+    let elsewhere = FIREFOX_PLACES
+        .iter()
+        .map(PathBuf::from)
+        .find(|file| file.exists());
+    let browser = match which::which("firefox").ok().or(elsewhere) {
+        Some(found) => found,
+        None => FIREFOX.program("firefox")?,
+    };
+    let root = workspace.tools().join("geckodriver");
+    let driver = root
+        .join("bin")
+        .join(format!("geckodriver{}", std::env::consts::EXE_SUFFIX));
+    let version = |driver: &PathBuf| run::output(run::command(driver).arg("--version"));
+    let built = driver.exists() && version(&driver)?.starts_with(&format!("geckodriver {GECKODRIVER} "));
+    if !built {
+        let mut cargo = run::cargo();
+        cargo
+            .args(["install", "geckodriver", "--locked", "--force"])
+            .args(["--version", GECKODRIVER, "--root"])
+            .arg(&root)
+            .arg("--target-dir")
+            .arg(root.join("build"));
+        run::run(&mut cargo)?;
+    }
+    eprintln!("browser: {}", browser.display());
+    eprintln!("geckodriver: {}", driver.display());
+    Ok(driver)
+}
+
 /// Finds a Chromium and a chromedriver of the same version, or installs them; returns the browser.
 ///
 /// # Errors
 /// They are missing and cannot be installed, or their versions differ; says what to do.
-pub fn browsers() -> Result<PathBuf> {
+pub fn chromium() -> Result<PathBuf> {
     let (browser, driver) = match find() {
         Some(found) => found,
         None => {
-            BROWSERS.install()?;
+            CHROMIUM.install()?;
             find().context("Chromium and chromedriver are installed, but not on the path")?
         }
     };
@@ -62,7 +124,7 @@ pub fn browsers() -> Result<PathBuf> {
             "the browser and chromedriver are of different versions ({} and {}); {}",
             browser_version.trim(),
             driver_version.trim(),
-            BROWSERS.otherwise
+            CHROMIUM.otherwise
         );
     }
     Ok(browser)

@@ -13,10 +13,12 @@ use anyhow::Result;
 use crate::steps::Steps;
 use crate::workspace::Workspace;
 
-pub use browser::browsers;
+pub use browser::{browsers, chromium};
 pub use cluster::cluster;
 pub use gpu::lavapipe;
-pub use node::{NPM_LOCK, PAGE_PEERS, WasmOpt, node, npm_packages, page_files, page_libraries, wasm_opt};
+pub use node::{
+    NPM_LOCK, PAGE_PEERS, WasmOpt, axe, node, npm_packages, page_files, page_libraries, wasm_opt,
+};
 pub use python::python;
 pub use wasm::wasm_toolchain;
 
@@ -27,7 +29,9 @@ pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
     });
     steps.run("wasm-opt", || wasm_opt(workspace).map(drop));
     if with_browsers {
-        steps.run("Chromium and chromedriver", || browsers().map(drop));
+        steps.run("Chromium, Firefox and their drivers", || {
+            browsers(workspace).map(drop)
+        });
     }
     steps.run("lavapipe", || lavapipe().map(drop));
     steps.finish()

@@ -138,6 +138,14 @@ pub fn wasm_opt(workspace: &Workspace) -> Result<WasmOpt> {
     Ok(WasmOpt { node, script })
 }
 
+/// Finds the pinned axe-core, which tests of the page look for barriers with, or installs it into the target directory.
+///
+/// # Errors
+/// As [`wasm_opt`].
+pub fn axe(workspace: &Workspace) -> Result<PathBuf> {
+    Ok(npm_packages(workspace, &node()?, &TOOLS)?.join("axe-core/axe.min.js"))
+}
+
 /// Finds pinned packages or installs them, and returns the folder they are in.
 ///
 /// # Errors

@@ -1,36 +1,25 @@
-//! A site, a driver and a browser for one test.
+//! The built page, open in a browser.
 
-// Every file of tests is a program of its own and uses a part of this.
-#![allow(dead_code)]
-
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
 
-/// Longer than anything takes on a busy machine; a test that waits this long has failed.
-const PATIENCE: Duration = Duration::from_secs(60);
+use crate::browser::{Browser, Session};
+use crate::server::{Server, WATCH};
 
-/// What the page may not do unnoticed: errors, rejected promises, console errors, violations of its policy.
-const WATCH: &str = r#"
-  globalThis.__complaints = [];
-  const complain = (text) => globalThis.__complaints.push(String(text));
-  addEventListener("error", (e) => complain(e.message));
-  addEventListener("unhandledrejection", (e) => complain(e.reason));
-  document.addEventListener("securitypolicyviolation", (e) => complain(`${e.violatedDirective}: ${e.blockedURI}`));
-  const error = console.error;
-  console.error = (...all) => { complain(all.join(" ")); error(...all); };
-"#;
+/// Longer than anything takes on a busy machine; a test that waits this long has failed.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The built page, open in a browser of its own.
 pub struct Page {
+    /// Its driver.
     pub driver: WebDriver,
-    origin: String,
-    chromedriver: Child,
-    profile: tempfile::TempDir,
+    /// What serves it.
+    pub server: Server,
+    session: Session,
 }
 
 /// The folder of the built site.
@@ -65,82 +54,80 @@ fn from_environment(name: &str) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Serves the site on a free port of the loopback for as long as the runtime of the test lives.
-async fn serve(site: PathBuf) -> String {
-    let listener = tokio::net::TcpListener::bind("127.0.0.1:0")
-        .await
-        .expect("a free port");
-    let address = listener.local_addr().expect("an address");
-    let files = tower_http::services::ServeDir::new(site);
-    tokio::spawn(async move { axum::serve(listener, axum::Router::new().fallback_service(files)).await });
-    format!("http://{address}")
-}
-
 impl Page {
-    /// Opens the page and waits until it is ready.
+    /// Opens the page in Chromium and waits until it is ready.
     pub async fn open() -> Self {
-        Self::open_with("").await
+        Self::open_in(Browser::Chromium).await
     }
 
-    /// Opens the page after a script that changes what it finds in its browser.
-    pub async fn open_with(script: &str) -> Self {
-        let origin = serve(site()).await;
-        let port = TcpListener::bind("127.0.0.1:0")
-            .and_then(|l| l.local_addr())
-            .expect("a free port")
-            .port();
-        let chromedriver = Command::new("chromedriver")
-            .arg(format!("--port={port}"))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("chromedriver starts; `cargo xtask setup --browsers` installs it");
-        let profile = tempfile::tempdir().expect("a profile");
-        let mut capabilities = DesiredCapabilities::chrome();
-        for argument in [
-            "--headless=new",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-dev-shm-usage",
-            "--disable-quic",
-            "--no-first-run",
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-            "--window-size=1280,1000",
-            &format!("--user-data-dir={}", profile.path().display()),
-        ] {
-            capabilities.add_arg(argument).expect("an argument");
-        }
-        let start = Instant::now();
-        let driver = loop {
-            match WebDriver::new(format!("http://127.0.0.1:{port}"), capabilities.clone()).await {
-                Ok(driver) => break driver,
-                Err(e) if start.elapsed() > PATIENCE => panic!("no browser: {e}"),
-                Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
-            }
+    /// Opens the page and waits until it is ready.
+    pub async fn open_in(browser: Browser) -> Self {
+        let server = match browser {
+            Browser::Chromium => Server::start(site(), &[]).await,
+            Browser::Firefox => Server::watched(site()).await,
         };
-        let page = Self {
-            driver,
-            origin,
-            chromedriver,
-            profile,
-        };
-        let watch = json!({ "source": format!("{WATCH}\n{script}") });
-        page.driver
-            .cdp()
-            .send_raw("Page.addScriptToEvaluateOnNewDocument", watch)
-            .await
-            .expect("a watch");
-        page.driver.goto(&page.origin).await.expect("the page");
+        let page = Self::open_at(browser, server, "/").await;
         page.until("!document.querySelector('#try-example').disabled")
             .await;
         page
     }
 
+    /// Opens the page in Chromium after a script that changes what it finds in its browser.
+    pub async fn open_with(script: &str) -> Self {
+        let page = Self::start(Browser::Chromium, &[], Server::start(site(), &[]).await, script).await;
+        page.goto("/").await;
+        page.until("!document.querySelector('#try-example').disabled")
+            .await;
+        page
+    }
+
+    /// Opens something on a server.
+    pub async fn open_at(browser: Browser, server: Server, path: &str) -> Self {
+        Self::open_with_arguments(browser, &[], server, path).await
+    }
+
+    /// Opens something on a server in a browser with more arguments on its command line.
+    pub async fn open_with_arguments(
+        browser: Browser,
+        arguments: &[&str],
+        server: Server,
+        path: &str,
+    ) -> Self {
+        let page = Self::start(browser, arguments, server, "").await;
+        page.goto(path).await;
+        page
+    }
+
+    /// A browser with an empty window; Chromium runs `script` before every page.
+    async fn start(browser: Browser, arguments: &[&str], server: Server, script: &str) -> Self {
+        let session = browser.start(arguments).await;
+        let page = Self {
+            driver: session.driver.clone(),
+            server,
+            session: session,
+        };
+        if browser == Browser::Chromium {
+            let source = json!({ "source": format!("{WATCH}\n{script}") });
+            page.cdp("Page.addScriptToEvaluateOnNewDocument", source).await;
+        }
+        page
+    }
+
+    /// Goes to a path of the server.
+    pub async fn goto(&self, path: &str) {
+        let url = format!("{}{path}", self.server.origin());
+        self.driver.goto(&url).await.expect("the page");
+    }
+
+    /// Sends a command of Chromium's own protocol.
+    pub async fn cdp(&self, command: &str, parameters: Value) -> Value {
+        let sent = self.driver.cdp().send_raw(command, parameters).await;
+        sent.unwrap_or_else(|e| panic!("{command}: {e}"))
+    }
+
     /// The folder of the browser's profile, which its processes name.
     pub fn profile(&self) -> &Path {
-        self.profile.path()
+        self.session.profile.path()
     }
 
     /// The value of a JavaScript expression.
@@ -161,15 +148,26 @@ impl Page {
             .unwrap_or_else(|| panic!("{expression} is {value}"))
     }
 
-    /// Waits until an expression is true.
+    /// Waits until an expression, or what it promises, is true. While the page goes elsewhere it is not.
     pub async fn until(&self, expression: &str) {
         let start = Instant::now();
-        while self.value(&format!("Boolean({expression})")).await != Value::Bool(true) {
+        let script = format!("return Promise.resolve({expression}).then(Boolean);");
+        loop {
+            let found = self.driver.execute(&script, vec![]).await;
+            if found
+                .as_ref()
+                .is_ok_and(|found| *found.json() == Value::Bool(true))
+            {
+                return;
+            }
             if start.elapsed() > PATIENCE {
-                let shown = self.value("document.querySelector('main').innerText").await;
+                let error = found.err();
+                let shown = self.value("document.querySelector('main')?.innerText").await;
                 let complaints = self.value("globalThis.__complaints").await;
                 let shown = shown.as_str().unwrap_or_default();
-                panic!("waited in vain for {expression}; complaints: {complaints}; the page shows:\n{shown}");
+                panic!(
+                    "waited in vain for {expression} ({error:?}); complaints: {complaints}; the page shows:\n{shown}"
+                );
             }
             tokio::time::sleep(Duration::from_millis(40)).await;
         }
@@ -184,6 +182,7 @@ impl Page {
         .await;
     }
 
+    /// Clicks what a selector finds, once it is not disabled.
     pub async fn click(&self, selector: &str) {
         self.until(&format!(
             "document.querySelector({0})?.disabled === false",
@@ -209,7 +208,8 @@ impl Page {
         self.input("#input-folder", &folder.to_string_lossy()).await;
     }
 
-    async fn input(&self, selector: &str, paths: &str) {
+    /// Picks paths, a line each, in an input that a selector finds.
+    pub async fn input(&self, selector: &str, paths: &str) {
         let input = self.driver.find(By::Css(selector)).await.expect("an input");
         input
             .send_keys(paths)
@@ -217,31 +217,19 @@ impl Page {
             .unwrap_or_else(|e| panic!("{selector}: {e}"));
     }
 
+    /// Waits until the results are there.
     pub async fn until_scored(&self) {
         self.until("document.querySelector('#results').dataset.tc !== undefined")
             .await;
     }
 
     /// Nothing went wrong behind the scenes, and nothing was asked of anyone but the page's own server.
-    pub async fn close(mut self) {
+    pub async fn close(self) {
         let complaints = self.value("globalThis.__complaints").await;
         assert_eq!(complaints, json!([]));
         let others = "performance.getEntriesByType('resource').map((r) => r.name).filter((n) => \
                       !n.startsWith(location.origin + '/') && !n.startsWith('blob:' + location.origin))";
         assert_eq!(self.value(others).await, json!([]));
         self.driver.clone().quit().await.expect("the browser ends");
-        self.stop();
-    }
-
-    fn stop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.chromedriver.kill();
-        let _ = self.chromedriver.wait();
-    }
-}
-
-impl Drop for Page {
-    fn drop(&mut self) {
-        self.stop();
     }
 }

@@ -1,0 +1,81 @@
+//! Evaluations in JavaScript: written and drawn.
+
+use wasm_bindgen::prelude::*;
+
+use super::{JsResult, js_error, to_js};
+use crate::error::Error;
+use crate::report::{self, EvaluationReport, Theme, evaluation_page};
+
+fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
+    serde_wasm_bindgen::from_value(evaluation)
+        .map_err(|e| js_error(&Error::input(format!("the evaluation: {e}"))))
+}
+
+/// An evaluation as one HTML file.
+///
+/// # Errors
+/// When the evaluation is not understood.
+#[wasm_bindgen(js_name = evaluationPage)]
+pub fn evaluation_page_of(evaluation: JsValue) -> JsResult<String> {
+    evaluation_page(&evaluation_from_js(evaluation)?).map_err(|e| js_error(&e))
+}
+
+/// An evaluation as CSV, one line an object.
+///
+/// # Errors
+/// When the evaluation is not understood.
+#[wasm_bindgen(js_name = evaluationCsv)]
+pub fn evaluation_csv(evaluation: JsValue) -> JsResult<String> {
+    Ok(evaluation_from_js(evaluation)?.to_csv())
+}
+
+fn theme_from_js(theme: JsValue) -> JsResult<Theme> {
+    if theme.is_undefined() || theme.is_null() {
+        return Ok(Theme::PRINT);
+    }
+    serde_wasm_bindgen::from_value(theme).map_err(|e| js_error(&Error::input(format!("the theme: {e}"))))
+}
+
+/// The matrix of errors; see [`report::matrix`].
+///
+/// # Errors
+/// When an argument is not understood.
+#[wasm_bindgen(js_name = matrixFigure)]
+pub fn matrix_figure(evaluation: JsValue, chosen: Vec<i32>, theme: JsValue, width: u32) -> JsResult<JsValue> {
+    let chosen: Vec<Option<usize>> = chosen.into_iter().map(|n| usize::try_from(n).ok()).collect();
+    let evaluation = evaluation_from_js(evaluation)?;
+    let drawn = report::matrix(&evaluation, &chosen, &theme_from_js(theme)?, width);
+    to_js(&drawn.map_err(|e| js_error(&e))?)
+}
+
+/// TC over a common factor of the thresholds; see [`report::capability`].
+///
+/// # Errors
+/// When an argument is not understood.
+#[wasm_bindgen(js_name = capabilityFigure)]
+pub fn capability_figure(
+    evaluation: JsValue,
+    factor: Option<f64>,
+    theme: JsValue,
+    width: u32,
+) -> JsResult<JsValue> {
+    let evaluation = evaluation_from_js(evaluation)?;
+    let drawn = report::capability(&evaluation, factor, &theme_from_js(theme)?, width);
+    to_js(&drawn.map_err(|e| js_error(&e))?)
+}
+
+/// Errors by sequence; see [`report::sequences`].
+///
+/// # Errors
+/// When an argument is not understood.
+#[wasm_bindgen(js_name = sequencesFigure)]
+pub fn sequences_figure(
+    errors: Vec<f64>,
+    threshold: f64,
+    selected: Option<usize>,
+    theme: JsValue,
+    width: u32,
+) -> JsResult<JsValue> {
+    let drawn = report::sequences(&errors, threshold, selected, &theme_from_js(theme)?, width);
+    to_js(&drawn.map_err(|e| js_error(&e))?)
+}

@@ -1,0 +1,132 @@
+//! The browsers, each with a driver of its own.
+
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use thirtyfour::common::capabilities::firefox::FirefoxPreferences;
+use thirtyfour::prelude::*;
+
+/// What the page is tested in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Browser {
+    /// Chromium through chromedriver.
+    Chromium,
+    /// Firefox through geckodriver.
+    Firefox,
+}
+
+/// A driver with one window of a fresh profile; it ends with this value.
+pub(crate) struct Session {
+    pub driver: WebDriver,
+    process: Child,
+    pub profile: tempfile::TempDir,
+}
+
+/// Longer than a browser needs to start on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+impl Browser {
+    pub(crate) async fn start(self, arguments: &[&str]) -> Session {
+        let port = TcpListener::bind("127.0.0.1:0")
+            .and_then(|l| l.local_addr())
+            .expect("a free port")
+            .port();
+        let profile = tempfile::tempdir().expect("a profile");
+        let mut process = self
+            .driver()
+            .arg(format!("--port={port}"))
+            // Firefox writes caches beside its profile otherwise.
+            .env("HOME", profile.path())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap_or_else(|e| panic!("{self:?}: {e}; `cargo xtask setup --browsers` installs its driver"));
+        let capabilities = self.capabilities(&profile, arguments);
+        let url = format!("http://127.0.0.1:{port}");
+        let start = Instant::now();
+        let driver = loop {
+            match WebDriver::new(&url, capabilities.clone()).await {
+                Ok(driver) => break driver,
+                Err(e) if start.elapsed() > PATIENCE => {
+                    stop(&mut process);
+                    panic!("no browser: {e}");
+                }
+                Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
+            }
+        };
+        Session {
+            driver,
+            process,
+            profile,
+        }
+    }
+
+    fn driver(self) -> Command {
+        match self {
+            Self::Chromium => Command::new("chromedriver"),
+            Self::Firefox => {
+                let built = std::env::var_os("TRACKLENS_GECKODRIVER").map(PathBuf::from);
+                Command::new(built.unwrap_or_else(|| "geckodriver".into()))
+            }
+        }
+    }
+
+    fn capabilities(self, profile: &tempfile::TempDir, arguments: &[&str]) -> Capabilities {
+        match self {
+            Self::Chromium => {
+                let mut chromium = DesiredCapabilities::chrome();
+                let usual = [
+                    "--headless=new",
+                    "--no-sandbox",
+                    "--disable-gpu",
+                    "--disable-dev-shm-usage",
+                    "--disable-quic",
+                    "--no-first-run",
+                    "--disable-background-networking",
+                    "--disable-component-update",
+                    "--disable-sync",
+                    "--window-size=1280,1000",
+                    &format!("--user-data-dir={}", profile.path().display()),
+                ];
+                for argument in usual.iter().chain(arguments) {
+                    chromium.add_arg(argument).expect("an argument");
+                }
+                chromium.into()
+            }
+            Self::Firefox => {
+                let mut firefox = DesiredCapabilities::firefox();
+                for argument in ["-headless", "--width=1280", "--height=1000"]
+                    .iter()
+                    .chain(arguments)
+                {
+                    firefox.add_arg(argument).expect("an argument");
+                }
+                let mut preferences = FirefoxPreferences::new();
+                // It asks several hosts for updates and settings when it starts.
+                for (name, off) in [
+                    ("app.normandy.enabled", false),
+                    ("network.captive-portal-service.enabled", false),
+                    ("network.connectivity-service.enabled", false),
+                ] {
+                    preferences.set(name, off).expect("a preference");
+                }
+                firefox.set_preferences(preferences).expect("preferences");
+                firefox.into()
+            }
+        }
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        stop(&mut self.process);
+    }
+}
+
+fn stop(process: &mut Child) {
+    // It may have ended by itself.
+    let _ = process.kill();
+    let _ = process.wait();
+}

@@ -1,0 +1,152 @@
+//! Everyone can use the page: axe-core finds no barrier, it fits a phone, text can be enlarged.
+
+use std::fs;
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+use tracklens_page_tests::{Browser, Page, in_every_browser, site};
+
+in_every_browser! {
+    no_state_of_the_page_has_a_barrier
+}
+
+/// What axe-core calls serious or critical, each with the elements concerned.
+async fn barriers(page: &Page) -> Vec<String> {
+    let axe = std::env::var_os("TRACKLENS_AXE").map(PathBuf::from);
+    let axe = axe.expect("TRACKLENS_AXE is the path of axe.min.js; `cargo xtask test` sets it");
+    let axe = fs::read_to_string(axe).expect("axe");
+    page.driver.execute(axe, vec![]).await.expect("axe is there");
+    let run = "const done = arguments[arguments.length - 1]; \
+               axe.run(document, { resultTypes: ['violations'] }).then((r) => done(r.violations), (e) => done(String(e)));";
+    let found = page.driver.execute_async(run, vec![]).await.expect("axe runs");
+    let violations = found
+        .json()
+        .as_array()
+        .cloned()
+        .unwrap_or_else(|| panic!("{:?}", found.json()));
+    violations
+        .iter()
+        .filter(|violation| {
+            ["serious", "critical"].contains(&violation["impact"].as_str().unwrap_or_default())
+        })
+        .map(|violation| {
+            let nodes = violation["nodes"].as_array().into_iter().flatten();
+            let places: Vec<String> = nodes
+                .map(|node| {
+                    format!(
+                        "{} ({})",
+                        node["target"],
+                        node["failureSummary"].as_str().unwrap_or_default()
+                    )
+                })
+                .collect();
+            format!(
+                "{}: {}: {}",
+                violation["id"],
+                violation["help"],
+                places.join("; ")
+            )
+        })
+        .collect()
+}
+
+async fn has_no_barrier(page: &Page, state: &str) {
+    let found = barriers(page).await;
+    assert!(found.is_empty(), "{state}:\n{}", found.join("\n"));
+}
+
+async fn in_scheme(page: &Page, scheme: &str) {
+    // Without motion, or axe sees colours on their way from one scheme to the other.
+    let features = json!({ "features": [
+        { "name": "prefers-color-scheme", "value": scheme },
+        { "name": "prefers-reduced-motion", "value": "reduce" },
+    ] });
+    page.cdp("Emulation.setEmulatedMedia", features).await;
+}
+
+async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    // Firefox has no command for the scheme; the style sheet is the same one.
+    let schemes: &[&str] = match browser {
+        Browser::Chromium => &["light", "dark"],
+        Browser::Firefox => &["light"],
+    };
+    let check = async |state: &str| {
+        for scheme in schemes {
+            if browser == Browser::Chromium {
+                in_scheme(&page, scheme).await;
+            }
+            has_no_barrier(&page, &format!("{state}, {scheme}")).await;
+        }
+    };
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    check("empty").await;
+    page.click("#try-example").await;
+    page.until_scored().await;
+    page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
+        .await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    check("results").await;
+
+    page.click("#start-over").await;
+    let folder = tempfile::tempdir().expect("a folder");
+    let broken = folder.path().join("gt.csv");
+    fs::write(&broken, "sequence,frame,object,x,z\na,0,cube,0,0\n").expect("written");
+    let unknown = folder.path().join("notes.pdf");
+    fs::write(&unknown, "no table").expect("written");
+    page.pick(&[&broken, &unknown, &site().join("example/checkpoint.safetensors")])
+        .await;
+    page.until_text("column y missing").await;
+    check("errors").await;
+    page.close().await;
+}
+
+/// Widths of a small phone, and of a window at which all text is twice as large.
+#[tokio::test(flavor = "multi_thread")]
+async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
+    let page = Page::open().await;
+    let overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth";
+    let wide = "[...document.querySelectorAll('body *')].filter((e) => e.getBoundingClientRect().right > \
+                document.documentElement.clientWidth + 1 && !e.closest('pre, .sequence-list, .visually-hidden, svg, .failures ul'))\
+                .map((e) => e.tagName + '.' + e.className).slice(0, 5)";
+    let fits = async |state: &str| {
+        let by = page.number(overflow).await;
+        let elements = page.value(wide).await;
+        assert!(by <= 0.0, "{state}: {by} px too wide: {elements}");
+    };
+    let phone = json!({ "width": 320, "height": 640, "deviceScaleFactor": 2, "mobile": true });
+    page.cdp("Emulation.setDeviceMetricsOverride", phone).await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    fits("empty on a phone").await;
+    page.click("#try-example").await;
+    page.until_scored().await;
+    page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
+        .await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    fits("results on a phone").await;
+    let window = json!({ "width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": false });
+    page.cdp("Emulation.setDeviceMetricsOverride", window).await;
+    page.value("document.documentElement.style.fontSize = '200%'")
+        .await;
+    fits("text of twice the size").await;
+    let window = json!({ "width": 640, "height": 900, "deviceScaleFactor": 1, "mobile": false });
+    page.cdp("Emulation.setDeviceMetricsOverride", window).await;
+    fits("text of twice the size in half a window").await;
+    page.close().await;
+}
+
+/// Nothing moves for those who asked for that.
+#[tokio::test(flavor = "multi_thread")]
+async fn reduced_motion_is_respected() {
+    let page = Page::open().await;
+    let features = json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
+    page.cdp("Emulation.setEmulatedMedia", features).await;
+    let moving = "[...document.querySelectorAll('*')].filter((e) => { const s = getComputedStyle(e); \
+                  return parseFloat(s.transitionDuration) > 0 && s.transitionProperty !== 'none' || s.animationName !== 'none'; }).length";
+    assert_eq!(page.value(moving).await, Value::from(0));
+    page.close().await;
+}

@@ -1,0 +1,251 @@
+// @ts-check
+/** One object: tracked or not, by how much, by which keypoint, under which map, in which frames. */
+
+import { byId, fill, h, icon } from "../dom.js";
+import { integer, significant } from "../format.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../pkg/index.js").ObjectEvaluation} ObjectEvaluation
+ */
+
+/** The gauge of a card is logarithmic between these errors. */
+const GAUGE = { from: 1e-4, to: 1 };
+
+/**
+ * @param {Session} session
+ * @param {number} object
+ */
+export function card(session, object) {
+  const name = session.evaluation?.objects[object].name ?? "";
+  const verdict = h("p", { class: "verdict" });
+  const error = h("span", { class: "error-value" });
+  const errorLabel = h("span", { class: "error-label" });
+  const interval = h("p", { class: "error-interval" });
+  const gauge = gaugeView();
+  const facts = h("dl");
+  const map = h("div", { class: "map" });
+  const mapDetails = h("details", { class: "map-details" }, h("summary", {}, "Fitted map"), map);
+  const threshold = session.scoring ? thresholdField(session, name) : null;
+  const show = h(
+    "button",
+    {
+      type: "button",
+      class: "button",
+      onclick: () => {
+        session.select({ object });
+        byId("viewer").scrollIntoView({ block: "nearest" });
+      },
+    },
+    "Show in frames",
+    h("span", { class: "visually-hidden" }, `: ${name}`),
+  );
+  const element = h(
+    "li",
+    { class: "card panel", data: { object: name } },
+    h("div", { class: "card-head" }, h("h3", {}, name), verdict),
+    h("div", {}, h("p", { class: "error" }, error, errorLabel), interval),
+    gauge.element,
+    threshold?.element,
+    facts,
+    mapDetails,
+    session.scoring && show,
+  );
+
+  const update = () => {
+    const { evaluation } = session;
+    const result = evaluation?.objects[object];
+    if (!evaluation || !result) return;
+    const heldOut = evaluation.held_out?.objects[object];
+    const shown = heldOut ?? result;
+    Object.assign(element.dataset, {
+      tracked: String(result.tracked),
+      error: String(result.error),
+      threshold: String(result.threshold),
+      keypoint: String(result.best_keypoint),
+      rmse: String(result.rmse),
+      frames: String(result.frames),
+      outside: String(result.outside),
+      heldOut: String(heldOut?.error ?? ""),
+      selected: String(session.scoring !== null && session.selection.object === object),
+    });
+    const seen = shown.error !== null;
+    verdict.dataset.tracked = seen ? String(shown.tracked) : "none";
+    const [symbol, text] = !seen
+      ? ["icon-none", result.error === null ? "Never visible" : "Not scored"]
+      : shown.tracked
+        ? ["icon-check", "Tracked"]
+        : ["icon-cross", "Not tracked"];
+    fill(verdict, icon(symbol), text);
+    error.textContent = significant(shown.error);
+    errorLabel.textContent = heldOut ? "error on held-out sequences" : "tracking error e";
+    const known = (session.intervals ?? evaluation.intervals)?.objects[object]?.error;
+    interval.hidden = !known;
+    interval.textContent = known
+      ? `95 % interval ${heldOut ? "of e " : ""}${known.map((end) => significant(end)).join(" – ")}`
+      : "";
+    gauge.update(shown.error, result.threshold, shown.tracked, result.second_best?.error ?? null);
+    fill(facts, ...factsOf(session, object, result));
+    mapDetails.hidden = !result.map || evaluation.transform === "identity";
+    fill(map, ...(result.map ? equations(result.map) : []));
+    show.setAttribute("aria-pressed", String(session.selection.object === object));
+    threshold?.update(result.threshold);
+  };
+  return { element, update };
+}
+
+/**
+ * @param {Session} session
+ * @param {number} object
+ * @param {ObjectEvaluation} result
+ */
+function factsOf(session, object, result) {
+  const { evaluation } = session;
+  const best = result.best_keypoint;
+  const second = result.second_best;
+  const displayed = session.keypointOf(object);
+  const pixels = result.rmse_px;
+  const total = evaluation?.frames ?? result.frames;
+  const left = [
+    total > result.frames && `${integer(total - result.frames)} not visible`,
+    (evaluation?.excluded ?? 0) > 0 && `${integer(evaluation?.excluded ?? 0)} not finite`,
+  ].filter(Boolean);
+  const fact = (/** @type {string} */ term, /** @type {import("../dom.js").Child[]} */ ...text) =>
+    h("div", {}, h("dt", {}, term), h("dd", {}, ...text));
+  const look = (/** @type {number} */ keypoint) =>
+    h(
+      "button",
+      {
+        type: "button",
+        class: "link",
+        disabled: !session.scoring,
+        "aria-label": `Show ${result.name} with keypoint ${keypoint}`,
+        onclick: () => session.choose(object, keypoint === best ? null : keypoint),
+      },
+      `no. ${keypoint}`,
+    );
+  return [
+    evaluation?.held_out && fact("On the frames fitted on", significant(result.error)),
+    fact("Best keypoint", best === null ? "–" : `no. ${best}`),
+    second && fact("Second best", look(second.keypoint), ` ${significant(second.error)}`),
+    displayed !== null && displayed !== best && fact("On display", `no. ${displayed} · `, backToBest(session, object)),
+    fact(
+      "RMSE",
+      pixels === null || pixels === undefined
+        ? significant(result.rmse)
+        : `${significant(result.rmse)} · ${significant(pixels)} px`,
+    ),
+    fact("Frames used", `${integer(result.frames)} of ${integer(total)}`),
+    left.length > 0 && fact("Left out", left.join(", ")),
+    result.outside > 0 && fact("Outside the image", `${integer(result.outside)}, they count`),
+  ];
+}
+
+/**
+ * @param {Session} session
+ * @param {number} object
+ */
+function backToBest(session, object) {
+  return h("button", { type: "button", class: "link", onclick: () => session.choose(object, null) }, "back to the best");
+}
+
+/** A map as two equations. @param {NonNullable<ObjectEvaluation["map"]>} map */
+function equations({ a, b }) {
+  const part = (/** @type {number} */ value) => Math.abs(value).toFixed(3);
+  const sign = (/** @type {number} */ value) => (value < 0 ? "−" : "+");
+  const rows = ["x", "y"].map((axis, i) => {
+    const [u, v] = a[i];
+    return `${axis} = ${u < 0 ? "−" : ""}${part(u)} u ${sign(v)} ${part(v)} v ${sign(b[i])} ${part(b[i])}`;
+  });
+  return [...rows.map((row) => h("p", {}, h("code", {}, row))), h("p", { class: "hint-line" }, "(u, v): the keypoint; (x, y): the object, ndc")];
+}
+
+/**
+ * @param {Session} session
+ * @param {string} object
+ */
+function thresholdField(session, object) {
+  const id = `threshold-${object}`;
+  const input = h("input", {
+    id,
+    type: "number",
+    min: "0",
+    step: "0.001",
+    inputMode: "decimal",
+    "aria-describedby": `${id}-hint`,
+    oninput: () => {
+      const value = input.valueAsNumber;
+      const valid = Number.isFinite(value) && value > 0;
+      input.setAttribute("aria-invalid", String(!valid));
+      hint.textContent = valid ? "" : "Expected a number above 0.";
+      if (valid) session.setThreshold(object, value);
+    },
+    // Leaving the field with something impossible in it brings back what is in force.
+    onblur: () => {
+      if (input.getAttribute("aria-invalid") === "true") reset(session.options.thresholds?.[object] ?? null);
+    },
+  });
+  const hint = h("span", { id: `${id}-hint`, class: "hint", role: "status" });
+  const button = h("button", { type: "button", class: "link", onclick: () => reset(null) }, "Default");
+  const reset = (/** @type {number | null} */ value) => {
+    input.setAttribute("aria-invalid", "false");
+    hint.textContent = "";
+    input.blur();
+    session.setThreshold(object, value);
+  };
+  const update = (/** @type {number} */ threshold) => {
+    // What is being typed is not rewritten.
+    if (document.activeElement !== input) input.value = String(threshold);
+    button.hidden = threshold === session.defaultThresholds[object];
+    button.title = `Back to ${session.defaultThresholds[object]}`;
+  };
+  const element = h(
+    "div",
+    { class: "threshold" },
+    h("label", { for: id }, "Threshold μ"),
+    h("span", { class: "threshold-input" }, input, button),
+    hint,
+  );
+  return { element, update };
+}
+
+/** An error against its threshold on a logarithmic scale. */
+function gaugeView() {
+  const svg = "http://www.w3.org/2000/svg";
+  const make = (/** @type {string} */ tag, /** @type {Record<string, string>} */ attributes) => {
+    const element = document.createElementNS(svg, tag);
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    return element;
+  };
+  const root = make("svg", { class: "gauge", viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" });
+  const bar = make("rect", { class: "gauge-bar", y: "3", height: "4", x: "0" });
+  const tick = make("rect", { class: "gauge-tick", y: "0", height: "10", width: "0.8" });
+  const second = make("rect", { class: "gauge-second", y: "3", height: "4", width: "0.6" });
+  root.append(make("rect", { class: "gauge-track", y: "3", height: "4", width: "100" }), bar, second, tick);
+
+  const position = (/** @type {number} */ error) => {
+    const share = Math.log(error / GAUGE.from) / Math.log(GAUGE.to / GAUGE.from);
+    return 100 * Math.min(1, Math.max(0, share));
+  };
+  const element = h(
+    "div",
+    { class: "gauge-frame", "aria-hidden": "true" },
+    root,
+    h("div", { class: "gauge-scale" }, h("span", {}, "0.0001"), h("span", {}, "0.01"), h("span", {}, "1")),
+  );
+  /**
+   * @param {number | null} error
+   * @param {number} threshold
+   * @param {boolean} tracked
+   * @param {number | null} runnerUp the error of the second best keypoint
+   */
+  const update = (error, threshold, tracked, runnerUp) => {
+    element.dataset.tracked = String(tracked);
+    // An error of exactly 0 still shows.
+    bar.setAttribute("width", error === null ? "0" : String(Math.max(1, position(error))));
+    tick.setAttribute("x", String(position(threshold) - 0.4));
+    second.setAttribute("width", runnerUp === null ? "0" : "0.6");
+    second.setAttribute("x", String(position(runnerUp ?? 1) - 0.3));
+  };
+  return { element, update };
+}

@@ -1,0 +1,155 @@
+// @ts-check
+/** Where the error of an object comes from: its sequences and frames, the worst ones first, and a way to each. */
+
+import { sequencesFigure } from "../pkg/index.js";
+import { byId, fill, h } from "../dom.js";
+import { count, integer, significant } from "../format.js";
+import { figureView } from "./figure.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../pkg/index.js").SequenceError} SequenceError
+ */
+
+const SHOWN = 6;
+
+/** @param {Session} session */
+export function sequencesView(session) {
+  /** @type {SequenceError[]} */
+  let errors = [];
+  /** What `errors` are of. */
+  let key = "";
+  let threshold = 0;
+
+  const title = h("h3", { id: "sequences-title" });
+  const objects = h("select", {
+    "aria-label": "Object",
+    id: "sequences-object",
+    onchange: () => session.select({ object: objects.selectedIndex }),
+  });
+  const sequenceList = h("ol", { class: "worst", id: "worst-sequences" });
+  const frameList = h("ol", { class: "worst", id: "worst-frames" });
+  const sequencePart = h("div", {}, h("h4", {}, "Worst sequences"), sequenceList);
+  const figure = figureView({
+    id: "sequences",
+    label: "Error of the object in each sequence, the worst one first",
+    draw: (theme, width) => {
+      if (errors.length < 2) return null;
+      const { frame } = session.selection;
+      const selected = errors.findIndex(({ start, length }) => frame >= start && frame < start + length);
+      const marked = theme && selected >= 0 ? selected : undefined;
+      return sequencesFigure(Float64Array.from(errors, ({ error }) => error), threshold, marked, theme, width);
+    },
+  });
+  const under = (/** @type {MouseEvent} */ event) => {
+    const drawn = figure.drawing();
+    if (!drawn) return null;
+    const [left, top, width, height] = drawn.plot;
+    const box = figure.layer.getBoundingClientRect();
+    const position = Math.floor(((event.clientX - box.left - left) / width) * errors.length);
+    if (!errors[position]) return null;
+    const share = Math.log(errors[position].error / drawn.y[0]) / Math.log(drawn.y[1] / drawn.y[0]);
+    const x = left + ((position + 0.5) / errors.length) * width;
+    return { worst: errors[position], x, y: top + (1 - Math.min(1, Math.max(0, share))) * height };
+  };
+  figure.layer.addEventListener("pointermove", (event) => {
+    const found = under(event);
+    figure.layer.dataset.active = String(found !== null);
+    if (found) figure.showTip(`${found.worst.sequence}: error ${significant(found.worst.error)}`, found.x, found.y);
+    else figure.showTip(null);
+  });
+  figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
+  figure.layer.addEventListener("click", (event) => {
+    const found = under(event);
+    if (found) show(session, found.worst.worst);
+  });
+
+  const update = () => {
+    const { object } = session.selection;
+    const keypoint = session.keypointOf(object);
+    const result = session.evaluation?.objects[object];
+    element.hidden = !session.scoring || keypoint === null || !result;
+    if (!session.scoring || keypoint === null || !result) {
+      key = "";
+      return;
+    }
+    fill(objects, ...session.objects.map((name, k) => h("option", { selected: k === object }, name)));
+    objects.hidden = session.objects.length < 2;
+    title.textContent = `Where the error of ${result.name} comes from`;
+    threshold = result.threshold;
+    const now = `${object} ${keypoint} ${session.options.transform} ${session.options.rank}`;
+    if (now !== key) {
+      key = now;
+      errors = session.errorsBySequence(object, keypoint);
+      fill(sequenceList, ...errors.slice(0, SHOWN).map((worst) => sequenceItem(session, worst)));
+      fill(frameList, ...session.worstFrames(object, keypoint, SHOWN).map((worst) => frameItem(session, worst)));
+      sequencePart.hidden = errors.length < 2;
+      hint.textContent =
+        errors.length < 2
+          ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
+          : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one first; dashed: the threshold. ` +
+            "Choose one to see its worst frame.";
+    }
+    figure.update();
+  };
+  const hint = h("p", { class: "hint-line" });
+  const element = h(
+    "section",
+    { class: "panel", "aria-labelledby": "sequences-title" },
+    h("div", { class: "panel-head" }, title, objects),
+    hint,
+    figure.element,
+    h("div", { class: "worst-lists" }, sequencePart, h("div", {}, h("h4", {}, "Worst frames"), frameList)),
+  );
+  return { element, update, reset: () => (key = "") };
+}
+
+/**
+ * @param {Session} session
+ * @param {SequenceError} worst
+ */
+function sequenceItem(session, worst) {
+  return h(
+    "li",
+    {},
+    h(
+      "button",
+      {
+        type: "button",
+        class: "link",
+        title: `To its worst frame, ${worst.worstFrame}`,
+        data: { frame: worst.worst },
+        onclick: () => show(session, worst.worst),
+      },
+      worst.sequence,
+    ),
+    h("span", { class: "worst-error" }, significant(worst.error)),
+  );
+}
+
+/**
+ * @param {Session} session
+ * @param {{ frame: number, distance: number }} worst
+ */
+function frameItem(session, { frame, distance }) {
+  const name = session.sequenceOf(frame)?.name ?? "";
+  return h(
+    "li",
+    {},
+    h(
+      "button",
+      { type: "button", class: "link", data: { frame }, onclick: () => show(session, frame) },
+      `${name}, frame ${integer(session.frameNumbers[frame])}`,
+    ),
+    h("span", { class: "worst-error" }, significant(distance)),
+  );
+}
+
+/**
+ * @param {Session} session
+ * @param {number} frame
+ */
+function show(session, frame) {
+  session.select({ frame });
+  byId("viewer").scrollIntoView({ block: "nearest" });
+}

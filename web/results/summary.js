@@ -1,0 +1,175 @@
+// @ts-check
+/** Tracking capability at large, how it was scored, and the switches of that. */
+
+import { fill, h, notice } from "../dom.js";
+import { count, fixed } from "../format.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../pkg/index.js").Evaluation} Evaluation
+ */
+
+/** @type {[Evaluation["transform"], string, string][]} */
+const TRANSFORMS = [
+  ["identity", "Identity", "keypoints as they are"],
+  ["scale-translate", "Scale and shift", "per axis"],
+  ["affine", "Affine", "the paper’s"],
+];
+
+/** @type {[Evaluation["rank"], string][]} */
+const RANKS = [
+  ["reference", "as the authors’ code"],
+  ["centred", "on centred points"],
+];
+
+const FOLDS = [2, 3, 5, 10];
+
+/** @param {{ tracked: boolean }[]} objects */
+export function tally(objects) {
+  return `${objects.filter(({ tracked }) => tracked).length} of ${count(objects.length, "object")} tracked`;
+}
+
+/** @param {Session} session */
+export function summaryView(session) {
+  const value = h("p", { class: "tc-value" });
+  const share = h("p", { class: "tc-share" });
+  const interval = h("p", { class: "tc-share", id: "tc-interval" });
+  const protocol = h("p", { class: "protocol" });
+  const warnings = h("div", { class: "warnings" });
+
+  const update = () => {
+    const { evaluation, intervals } = session;
+    if (!evaluation) return;
+    const heldOut = evaluation.held_out;
+    value.textContent = fixed(heldOut?.tc ?? evaluation.tc);
+    value.dataset.tc = String(heldOut?.tc ?? evaluation.tc);
+    share.textContent = tally(heldOut?.objects ?? evaluation.objects);
+    const known = intervals ?? evaluation.intervals;
+    interval.textContent = known
+      ? `95 % interval ${known.tc.map((end) => fixed(end)).join(" – ")}`
+      : session.resampling.intervals
+        ? "Drawing the 95 % interval …"
+        : "";
+    protocol.textContent = describeProtocol(session, evaluation);
+    fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
+  };
+
+  const switches = session.scoring
+    ? [transformSwitch(session), protocolSelect(session), rankSelect(session), intervalsBox(session)]
+    : [];
+  const element = h(
+    "div",
+    { class: "panel score" },
+    h("div", { class: "tc" }, h("h2", { id: "results-title" }, "Tracking capability"), value, share, interval),
+    h("div", { class: "settings" }, ...switches),
+    protocol,
+  );
+  const elements = [element, session.origin?.note && notice("info", session.origin.note, { class: "origin" }), warnings];
+  return { element, elements, update };
+}
+
+/**
+ * @param {Session} session
+ * @param {Evaluation} evaluation
+ */
+function describeProtocol(session, evaluation) {
+  const frames = count(evaluation.frames, "frame");
+  const size = evaluation.image_size;
+  const { held_out: heldOut } = evaluation;
+  const map = heldOut
+    ? `The map from keypoint to object and the best keypoint are those of the other sequences, in ${heldOut.folds} folds; ` +
+      "the errors are on frames they were not fitted on."
+    : `The map from keypoint to object is fitted and scored on the same ${frames}, as in the authors’ code.`;
+  return [
+    evaluation.transform === "identity"
+      ? `Keypoints are scored as they are, without a fitted map, on ${frames}.`
+      : map,
+    "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 across the image).",
+    size && `Pixels are those of images of ${size[0]}\u00a0×\u00a0${size[1]}.`,
+    evaluation.excluded > 0 && `${count(evaluation.excluded, "frame")} with a keypoint that is not finite left out.`,
+  ]
+    .filter(Boolean)
+    .join(" ");
+}
+
+/** @param {Session} session */
+function transformSwitch(session) {
+  return h(
+    "fieldset",
+    { class: "switch", id: "transform" },
+    h("legend", {}, "Map from keypoint to object"),
+    h(
+      "div",
+      { class: "switch-options" },
+      ...TRANSFORMS.map(([transform, label, hint]) =>
+        h(
+          "label",
+          { title: hint },
+          h("input", {
+            type: "radio",
+            name: "transform",
+            value: transform,
+            checked: session.options.transform === transform,
+            onchange: () => session.setOptions({ transform }),
+          }),
+          h("span", {}, label),
+        ),
+      ),
+    ),
+  );
+}
+
+/** @param {Session} session */
+function rankSelect(session) {
+  const select = h(
+    "select",
+    {
+      id: "rank",
+      onchange: () => session.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
+    },
+    ...RANKS.map(([rank, label]) => h("option", { value: rank, selected: session.options.rank === rank }, label)),
+  );
+  return h(
+    "label",
+    { class: "field", title: "Which directions of the keypoint’s motion are too small to fit" },
+    h("span", {}, "Rank rule"),
+    select,
+  );
+}
+
+/** @param {Session} session */
+function protocolSelect(session) {
+  const most = session.sequences.length;
+  const folds = [...new Set(FOLDS.map((folds) => Math.min(folds, most)))].filter((folds) => folds > 1);
+  const select = h(
+    "select",
+    {
+      id: "protocol",
+      disabled: most < 2,
+      onchange: () => session.setResampling({ folds: Number(select.value) }),
+    },
+    h("option", { value: "0", selected: session.folds === 0 }, "the frames fitted on"),
+    ...folds.map((n) => h("option", { value: String(n), selected: session.folds === n }, `held-out sequences, ${n} folds`)),
+  );
+  const title =
+    most < 2
+      ? "Holding sequences out takes at least two of them"
+      : "The authors’ code scores the frames that the map is fitted on";
+  return h("label", { class: "field", title }, h("span", {}, "Scored on"), select);
+}
+
+/** @param {Session} session */
+function intervalsBox(session) {
+  const box = h("input", {
+    type: "checkbox",
+    id: "intervals",
+    disabled: session.sequences.length < 2,
+    checked: session.resampling.intervals,
+    onchange: () => session.setResampling({ intervals: box.checked }),
+  });
+  const title =
+    session.sequences.length < 2
+      ? "Intervals take at least two sequences"
+      : "Percentile bootstrap: the sequences are drawn 1000 times with replacement";
+  return h("label", { class: "check", title }, box, h("span", {}, "95 % intervals over sequences"));
+}

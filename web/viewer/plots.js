@@ -1,0 +1,333 @@
+// @ts-check
+/** x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move the frame. */
+
+import init, { drawLines, linesToSvg } from "../pkg/index.js";
+import { fill, h, icon } from "../dom.js";
+import { save } from "../download.js";
+import { significant } from "../format.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../pkg/index.js").LineFigure} LineFigure
+ * @typedef {import("../pkg/index.js").PlotArea} PlotArea
+ * @typedef {"x" | "y" | "error"} Quantity
+ * @typedef {Record<"truth" | "keypoint" | "transformed" | "error" | "foreground" | "background" | "grid", string>} Colors
+ *
+ * A figure with the positions of the frames on its axis.
+ * @typedef {{ figure: LineFigure, at: number[], marks: (keyof Colors)[] }} Plot
+ */
+
+/** @type {Quantity[]} */
+const QUANTITIES = ["x", "y", "error"];
+/** In CSS pixels; the smaller one where a plot is narrow. */
+const FONT_SIZE = { usual: 12, narrow: 10 };
+const NARROW = 340;
+const SAVED = { width: 720, height: 320, fontSize: 14, pixels: 3 };
+/** Frame numbers further apart than this many times their count are drawn one after the other. */
+const MAX_STRETCH = 20;
+
+/** For print, whatever the scheme of the page. @type {Colors} */
+const PRINT = {
+  truth: "#1b1f24",
+  keypoint: "#d0342c",
+  transformed: "#1f6feb",
+  error: "#1f6feb",
+  foreground: "#1b1f24",
+  background: "#ffffff",
+  grid: "#e3e7eb",
+};
+
+/** @param {Session} session */
+export function plots(session) {
+  const views = QUANTITIES.map((quantity) => plotView(session, quantity));
+  let scheduled = false;
+  let drawn = "";
+  const pair = () => {
+    const { object, frame } = session.selection;
+    return `${object} ${session.keypointOf(object)} ${session.sequenceOf(frame)?.start}`;
+  };
+  const draw = async () => {
+    scheduled = false;
+    if (!session.evaluation) return;
+    drawn = pair();
+    try {
+      // Loaded when there is something to draw.
+      await init(["figures"]);
+    } catch (error) {
+      const reason = error instanceof Error ? error.message : String(error);
+      for (const view of views) view.fail(`No plot: ${reason}. Reload the page to try again.`);
+      return;
+    }
+    const colors = schemeColors();
+    for (const view of views) view.draw(colors);
+  };
+  const schedule = () => {
+    if (scheduled) return;
+    scheduled = true;
+    requestAnimationFrame(() => void draw());
+  };
+  // While frames go by only the cursor moves.
+  const follow = () => {
+    if (pair() !== drawn) schedule();
+    for (const view of views) view.moveCursor();
+  };
+  session.addEventListener("selection", follow);
+  for (const topic of ["scoring", "evaluation"]) session.addEventListener(topic, schedule);
+  // Zooming changes the pixels of a canvas without changing its size in the layout.
+  window.addEventListener("resize", schedule);
+  const resized = new ResizeObserver(schedule);
+  for (const { canvas } of views) resized.observe(canvas);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", schedule);
+  return views.map(({ element }) => element);
+}
+
+/**
+ * @param {Session} session
+ * @param {Quantity} quantity
+ */
+function plotView(session, quantity) {
+  const canvas = h("canvas", { class: "plot", role: "img", data: { quantity } });
+  const cursor = h("div", { class: "plot-cursor", "aria-hidden": "true" });
+  const tooltip = h("div", { class: "plot-tooltip", "aria-hidden": "true", hidden: true });
+  const surface = h("div", { class: "plot-surface" }, canvas, cursor, tooltip);
+  const title = h("span", { class: "plot-title" });
+  const readout = h("span", { class: "plot-readout" });
+  const saved = /** @type {const} */ (["svg", "png"]).map((format) =>
+    h(
+      "button",
+      {
+        type: "button",
+        class: "link",
+        id: `save-plot-${quantity}-${format}`,
+        onclick: () => void savePlot(session, quantity, format),
+      },
+      icon("icon-download"),
+      format.toUpperCase(),
+      h("span", { class: "visually-hidden" }, ` of ${quantity} over the frames`),
+    ),
+  );
+  const element = h("figure", { class: "plot-figure" }, h("figcaption", {}, title, readout, ...saved), surface);
+
+  /** @type {{ plot: Plot, area: PlotArea, scale: number } | null} */
+  let shown = null;
+
+  /** @param {Colors} colors */
+  const draw = (colors) => {
+    shown = null;
+    tooltip.hidden = true;
+    const { clientWidth, clientHeight } = canvas;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    const scale = window.devicePixelRatio;
+    const fontSize = clientWidth < NARROW ? FONT_SIZE.narrow : FONT_SIZE.usual;
+    const plot = describe(session, quantity, colors, Math.round(fontSize * scale));
+    const [width, height] = [clientWidth, clientHeight].map((side) => Math.round(side * scale));
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    element.dataset.empty = String(plot === null);
+    if (!plot) {
+      canvas.getContext("2d")?.clearRect(0, 0, width, height);
+      canvas.setAttribute("aria-label", "No plot: the object is visible in no frame");
+      moveCursor();
+      return;
+    }
+    const area = drawLines(canvas, { ...plot.figure, title: "", cursor: null });
+    shown = { plot, area, scale };
+    title.textContent = plot.figure.title;
+    canvas.dataset.points = String(plot.figure.series[0].values.length);
+    const labels = plot.figure.series.map(({ label }) => label).join(", ");
+    canvas.setAttribute("aria-label", `${plot.figure.title}, over the frames: ${labels}`);
+    moveCursor();
+  };
+
+  /** The frame on display: the line over the plot and the values beside the title. */
+  const moveCursor = () => {
+    const sequence = session.sequenceOf(session.selection.frame);
+    const index = session.selection.frame - (sequence?.start ?? 0);
+    cursor.hidden = !shown || index >= shown.plot.at.length;
+    fill(readout);
+    if (!shown || cursor.hidden) return;
+    const { plot, area, scale } = shown;
+    const x = columnOf(shown, plot.at[index]);
+    cursor.style.transform = `translateX(${x}px)`;
+    cursor.style.top = `${area.top / scale}px`;
+    cursor.style.height = `${(area.bottom - area.top) / scale}px`;
+    canvas.dataset.cursor = String(x);
+    const [truth, other] = valuesAt(plot, plot.at[index]);
+    fill(readout, ...(quantity === "error" ? [truth] : [truth, other]).map(valueView));
+  };
+
+  /**
+   * The index in the sequence of the frame nearest to a pointer.
+   * @param {PointerEvent} event
+   */
+  const frameAt = (event) => {
+    if (!shown) return null;
+    const { plot, area, scale } = shown;
+    const column = (event.clientX - canvas.getBoundingClientRect().left) * scale;
+    const position = ((column - area.left) / Math.max(area.right - area.left, 1)) * (area.end - area.start);
+    let nearest = 0;
+    for (const [i, at] of plot.at.entries()) {
+      if (Math.abs(at - position) < Math.abs(plot.at[nearest] - position)) nearest = i;
+    }
+    return nearest;
+  };
+  const seek = (/** @type {PointerEvent} */ event) => {
+    const index = frameAt(event);
+    const sequence = session.sequenceOf(session.selection.frame);
+    if (index !== null && sequence) session.select({ frame: sequence.start + index });
+  };
+  const point = (/** @type {PointerEvent} */ event) => {
+    const index = frameAt(event);
+    tooltip.hidden = index === null;
+    if (index === null || !shown) return;
+    const { plot } = shown;
+    const number = plot.figure.start + plot.at[index];
+    fill(tooltip, h("p", {}, `frame ${number}`), ...valuesAt(plot, plot.at[index]).map(valueView));
+    const x = columnOf(shown, plot.at[index]);
+    const left = x > canvas.clientWidth / 2;
+    tooltip.style.transform = `translateX(${left ? x - 10 - tooltip.offsetWidth : x + 10}px)`;
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    canvas.setPointerCapture(event.pointerId);
+    seek(event);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    point(event);
+    if (canvas.hasPointerCapture(event.pointerId)) seek(event);
+  });
+  canvas.addEventListener("pointerleave", () => (tooltip.hidden = true));
+  /** @param {string} reason */
+  const fail = (reason) => (title.textContent = reason);
+  return { element, canvas, draw, moveCursor, fail };
+}
+
+/**
+ * In CSS pixels from the left of the canvas.
+ * @param {{ area: PlotArea, scale: number }} shown
+ * @param {number} position on the axis, from its start
+ */
+function columnOf({ area, scale }, position) {
+  return (area.left + (position / (area.end - area.start)) * (area.right - area.left)) / scale;
+}
+
+/**
+ * What the lines of a plot say at a position, the most important first.
+ * @param {Plot} plot
+ * @param {number} position
+ */
+function valuesAt({ figure, marks }, position) {
+  return figure.series
+    .map(({ label, values }, i) => ({ label, mark: marks[i], value: values[position] }))
+    .reverse();
+}
+
+/** @param {{ label: string, mark: string, value: number }} line */
+function valueView({ label, mark, value }) {
+  return h(
+    "span",
+    { class: "plot-value", data: { mark } },
+    h("span", { class: "plot-swatch" }),
+    `${label} ${Number.isNaN(value) ? "not visible" : significant(value)}`,
+  );
+}
+
+/**
+ * @param {Session} session
+ * @param {Quantity} quantity
+ * @param {"svg" | "png"} format
+ */
+async function savePlot(session, quantity, format) {
+  const plot = describe(session, quantity, PRINT, SAVED.fontSize * (format === "png" ? SAVED.pixels : 1));
+  if (!plot) return;
+  const figure = { ...plot.figure, cursor: null };
+  const sequence = session.sequenceOf(session.selection.frame)?.name;
+  const file = `${objectName(session)}-${quantity}-${sequence}.${format}`.replace(/[^\w.-]+/g, "_");
+  if (format === "svg") {
+    save(file, "image/svg+xml", linesToSvg(figure, SAVED.width, SAVED.height));
+    return;
+  }
+  const canvas = document.createElement("canvas");
+  Object.assign(canvas, { width: SAVED.width * SAVED.pixels, height: SAVED.height * SAVED.pixels });
+  drawLines(canvas, figure);
+  /** @type {Blob | null} */
+  const image = await new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
+  if (image) save(file, "image/png", image);
+}
+
+/**
+ * @param {Session} session
+ * @param {Quantity} quantity
+ * @param {Colors} colors
+ * @param {number} fontSize
+ * @returns {Plot | null}
+ */
+function describe(session, quantity, colors, fontSize) {
+  const { evaluation, selection } = session;
+  const keypoint = session.keypointOf(selection.object);
+  const series = session.series(selection.object);
+  const sequence = session.sequenceOf(selection.frame);
+  if (!evaluation || !series || !sequence) return null;
+  const { start, at } = axisOf(session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length));
+  const length = at[at.length - 1] + 1;
+  const line = (
+    /** @type {string} */ label,
+    /** @type {string} */ color,
+    /** @type {(frame: number) => number} */ value,
+  ) => {
+    const values = new Float64Array(length).fill(NaN);
+    at.forEach((position, i) => (values[position] = value(sequence.start + i)));
+    return { label, color, values };
+  };
+  const { threshold } = evaluation.objects[selection.object];
+  const coordinate = (/** @type {Float64Array} */ points) => (/** @type {number} */ t) =>
+    points[2 * t + (quantity === "y" ? 1 : 0)];
+  const isError = quantity === "error";
+  const figure = {
+    title: isError ? "squared distance" : `${quantity} of ${objectName(session)}`,
+    xLabel: "frame",
+    yLabel: isError ? "e (ndc²)" : `${quantity} (ndc)`,
+    start,
+    series: isError
+      ? [line("threshold", colors.foreground, () => threshold), line("error", colors.error, (t) => series.distances[t])]
+      : [
+          line(`keypoint ${keypoint}`, colors.keypoint, coordinate(series.keypoint)),
+          line("truth", colors.truth, coordinate(series.truth)),
+          line("transformed", colors.transformed, coordinate(series.transformed)),
+        ],
+    cursor: at[selection.frame - sequence.start],
+    fromZero: isError,
+    foreground: colors.foreground,
+    background: colors.background,
+    grid: colors.grid,
+    fontSize,
+  };
+  /** @type {(keyof Colors)[]} */
+  const marks = isError ? ["foreground", "error"] : ["keypoint", "truth", "transformed"];
+  return { figure, at, marks };
+}
+
+/**
+ * Where each frame of a sequence stands on the axis. Missing frames leave gaps, unless most are missing.
+ * @param {Float64Array} numbers
+ */
+function axisOf(numbers) {
+  const start = numbers[0];
+  const span = numbers[numbers.length - 1] - start + 1;
+  const increasing = numbers.every((number, i) => i === 0 || number > numbers[i - 1]);
+  const dense = increasing && span <= MAX_STRETCH * numbers.length;
+  return { start: dense ? start : 0, at: Array.from(numbers, (number, i) => (dense ? number - start : i)) };
+}
+
+/** @param {Session} session */
+function objectName(session) {
+  return session.objects[session.selection.object] ?? "";
+}
+
+/** The colours of the style sheet under the scheme in force. @returns {Colors} */
+function schemeColors() {
+  const style = getComputedStyle(document.documentElement);
+  const names = /** @type {(keyof Colors)[]} */ (Object.keys(PRINT));
+  return /** @type {Colors} */ (
+    Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--plot-${name}`).trim()]))
+  );
+}
