@@ -89,6 +89,30 @@ fn inspect_says_what_a_checkpoint_is() {
 }
 
 #[test]
+fn inspect_plans_the_layers_for_a_size() {
+    let file = data("golden/dsae-tiny.safetensors");
+    let plan = |size: &str| {
+        tracklens(&[
+            "inspect".as_ref(),
+            "--plan".as_ref(),
+            size.as_ref(),
+            file.as_os_str(),
+        ])
+    };
+    let output = plan("100x76");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON on the standard output");
+    let first = &found["plan"][0];
+    assert_eq!(first["name"], "encoder.conv1");
+    assert_eq!(first["kernel"], "direct 7x7, stride 2 + ReLU");
+    assert_eq!(first["size"], serde_json::json!([47, 35]));
+    assert_eq!(first["defined"], 47 * 35 * 6 * 3 * 49);
+    let output = plan("16x16");
+    assert_eq!(output.status.code(), Some(3));
+    assert!(stderr(&output).contains("too small for this encoder: `encoder.conv3`"));
+}
+
+#[test]
 fn export_writes_a_model_and_says_so() {
     let folder = tempfile::tempdir().expect("a folder");
     let model = folder.path().join("encoder.onnx");

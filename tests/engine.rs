@@ -5,7 +5,7 @@ mod shared;
 use safetensors::SafeTensors;
 use shared::{golden, tensor};
 use tracklens::checkpoint::Checkpoint;
-use tracklens::data::Frame;
+use tracklens::data::{Filter, Frame, Pixels};
 use tracklens::engine::{Decoder, Encoder, Workspace};
 use tracklens::extract::{CpuExtractor, Extractor};
 
@@ -89,6 +89,46 @@ fn a_workspace_can_be_used_for_frames_of_any_size_in_any_order() {
         assert_eq!(again, alone, "{size:?}");
         assert!(again.iter().flatten().all(|v| v.abs() <= 1.0), "{size:?}");
     }
+}
+
+#[test]
+fn a_frame_gives_what_its_planes_give() {
+    let checkpoint =
+        Checkpoint::from_safetensors(&golden("keynet-vel-std-bg-tiny.safetensors")).expect("valid");
+    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let mut workspace = Workspace::default();
+    let bytes: Vec<u8> = (0..3 * 37 * 50).map(|i| (i * 31 % 251) as u8).collect();
+    let floats = bytes.iter().map(|v| f32::from(*v) / 255.0).collect();
+    for pixels in [Pixels::Bytes(bytes), Pixels::Floats(floats)] {
+        let frame = Frame::from_pixels(37, 50, pixels).expect("a frame");
+        let planes = frame.to_planar(None, Filter::BilinearAntialias);
+        let expected = encoder.run(&mut workspace, &planes, [37, 50]).expect("keypoints");
+        assert_eq!(
+            encoder.extract(&mut workspace, &frame).expect("keypoints"),
+            expected
+        );
+    }
+}
+
+#[test]
+fn activations_that_overflow_are_named_by_their_layer() {
+    let bytes = golden("basic-vel-std-bg-tiny.safetensors");
+    let mut checkpoint = Checkpoint::from_safetensors(&bytes).expect("valid");
+    for (name, value) in [
+        ("block1.bn2.bias", 10.0),
+        ("block2.conv1.weight", 1e38),
+        ("block2.bn1.weight", 1.0),
+        ("block2.bn1.running_var", 1.0),
+    ] {
+        let tensor = checkpoint.tensors.get_mut(&format!("encoder.{name}"));
+        tensor.expect("a tensor").data.fill(value);
+    }
+    let encoder = Encoder::new(&checkpoint).expect("finite weights");
+    let error = encoder
+        .run(&mut Workspace::default(), &[0.5; 3 * 64 * 64], [64, 64])
+        .expect_err("an overflow")
+        .to_string();
+    assert!(error.contains("`encoder.block2.conv1` overflow"), "{error}");
 }
 
 #[test]

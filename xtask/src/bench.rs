@@ -1,5 +1,6 @@
 //! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the machine.
 
+mod extract;
 mod page;
 mod report;
 
@@ -22,6 +23,8 @@ const TRAINED: [&str; 3] = ["basic", "basic-vel-std-bg", "keynet-vel-std-bg"];
 pub enum Subject {
     /// The metric on one thread, against centred moments in numpy.
     Metric,
+    /// Extraction on the CPU with one and two threads, against ONNX Runtime and PyTorch eager.
+    Extract,
     /// A training step on all threads, against PyTorch eager.
     Train,
     /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the time to the first TC.
@@ -42,6 +45,7 @@ struct Timing {
 pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
     match subject {
         Subject::Metric => metric(workspace),
+        Subject::Extract => extract::run(workspace),
         Subject::Train => train(workspace),
         Subject::Page => page::run(workspace),
         Subject::Report => report::run(workspace),

@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::files;
 use crate::atomic;
 use crate::checkpoint::{Checkpoint, Format, Summary};
+use crate::engine::{Encoder, PlannedLayer};
 use crate::error::{Error, Result};
 
 #[derive(Debug, Args)]
@@ -27,6 +28,9 @@ pub(super) struct InspectArguments {
     /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    /// Also say how the CPU engine computes frames of this size, layer by layer
+    #[arg(long, value_name = "WxH", value_parser = super::score::parse_size)]
+    plan: Option<[u32; 2]>,
     /// Print JSON (the default when the output is not a terminal)
     #[arg(long)]
     json: bool,
@@ -79,16 +83,21 @@ struct Inspection {
     bytes: usize,
     #[serde(flatten)]
     summary: Summary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plan: Option<Vec<PlannedLayer>>,
 }
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     let bytes = files::read(&arguments.file)?;
     let unknown = || Error::input("not a checkpoint");
-    let checkpoint = Checkpoint::from_bytes(&bytes).map_err(|e| e.at(arguments.file.display()))?;
+    let place = |e: Error| e.at(arguments.file.display());
+    let checkpoint = Checkpoint::from_bytes(&bytes).map_err(place)?;
+    let plan = |size: [u32; 2]| Encoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
     let inspection = Inspection {
         format: Format::of(&bytes).ok_or_else(unknown)?,
         bytes: bytes.len(),
         summary: checkpoint.summary(),
+        plan: arguments.plan.map(plan).transpose().map_err(place)?,
     };
     if arguments.json || !std::io::stdout().is_terminal() {
         let json = serde_json::to_string_pretty(&inspection)
@@ -105,6 +114,7 @@ fn print_table(
         format,
         bytes,
         summary,
+        plan,
     }: &Inspection,
 ) {
     let config = &summary.config;
@@ -198,4 +208,19 @@ fn print_table(
     row("training", numbers.join(", "));
     row("other tensors", summary.other_tensors.join(", "));
     println!("{table}");
+    let Some(plan) = plan else { return };
+    let mut table = comfy_table::Table::new();
+    table.load_preset(NOTHING);
+    table.set_header(["layer", "kernel", "gives", "multiplications", "done"]);
+    for layer in plan {
+        let millions = |count: u64| format!("{:.1} M", count as f64 * 1e-6);
+        table.add_row([
+            layer.name.clone(),
+            layer.kernel.clone(),
+            size(layer.size),
+            millions(layer.defined),
+            millions(layer.done),
+        ]);
+    }
+    println!("\n{table}");
 }

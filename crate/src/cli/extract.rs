@@ -2,6 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::Args;
@@ -194,12 +195,17 @@ fn extract_all(
         total: frames.index().keys().len() as u64,
     });
     let done = std::sync::atomic::AtomicU64::new(0);
-    let one = |extractor: &mut CpuExtractor<&Encoder>, i: usize| {
+    // As many as there are threads, each with memory that the next frame finds again.
+    let idle: Mutex<Vec<CpuExtractor<&Encoder>>> = Mutex::default();
+    let stack = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+    let one = |i: usize| {
         cancel.check()?;
         let place = |e: Error| e.at(&frames.index().keys()[i]);
-        let found = frames
-            .read(i)
-            .and_then(|frame| extractor.extract_frame(&frame).map_err(place));
+        let frame = frames.read(i);
+        let taken = stack().pop();
+        let mut extractor = taken.unwrap_or_else(|| CpuExtractor::new(encoder));
+        let found = frame.and_then(|frame| extractor.extract_frame(&frame).map_err(place));
+        stack().push(extractor);
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
         report(Event::Progress {
             done,
@@ -211,7 +217,7 @@ fn extract_all(
     let mut found: Vec<Result<Extraction>> = Vec::with_capacity(count);
     for start in (0..count).step_by(BLOCK) {
         let block = (start..(start + BLOCK).min(count)).into_par_iter();
-        found.par_extend(block.map_init(|| CpuExtractor::new(encoder), one));
+        found.par_extend(block.map(one));
     }
     report(Event::Done);
     match found

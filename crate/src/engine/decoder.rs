@@ -1,7 +1,7 @@
 //! The decoder of an SAE: keypoints in, an image out. It is for looking at single frames and plain rather than fast.
 
-use super::encoder::batch_norm;
-use super::softargmax::cell;
+use super::layer::batch_norm;
+use super::softargmax::position;
 use crate::checkpoint::{BACKGROUND, Checkpoint, ConvLayer, DENSE, Family, SIGMA, SaeConfig};
 use crate::error::{Error, Result};
 
@@ -108,7 +108,7 @@ impl Decoder {
         let blob = |(n, point): (usize, &[f32; 2])| {
             let sigma = f64::from(self.sigma[n % self.sigma.len()]);
             let profile = |centre: f32, cells: usize| -> Vec<f64> {
-                let distance = |i| (cell(i, cells) - f64::from(centre)) / sigma;
+                let distance = |i| (position(i, cells) - f64::from(centre)) / sigma;
                 (0..cells).map(|i| (-distance(i) * distance(i)).exp()).collect()
             };
             let (along_x, along_y) = (profile(point[0], width), profile(point[1], height));

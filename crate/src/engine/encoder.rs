@@ -1,16 +1,15 @@
 //! The encoder of an SAE.
 
-use rten_gemm::GemmExecutor;
+use rten_simd::SimdOp;
 
-use super::conv::{Conv, Im2ColOffsets};
-use super::pool::max_pool_affine_relu;
-use super::softargmax::{soft_argmax, softmax};
-use crate::checkpoint::{Checkpoint, ConvLayer, LatentGrid, SaeConfig, TEMPERATURE};
-use crate::data::{Filter, Frame};
+use super::buffer::Buffer;
+use super::gemm;
+use super::layer::{Layer, PlannedLayer};
+use super::map::Map;
+use super::softargmax::{SoftArgmax, softmax};
+use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig, TEMPERATURE};
+use crate::data::{Filter, Frame, Pixels};
 use crate::error::{Error, Result};
-
-/// PyTorch's default `eps` of batch norm.
-const BATCH_NORM_EPSILON: f32 = 1e-5;
 
 /// An encoder ready to run on the CPU: images in, keypoints out.
 pub struct Encoder {
@@ -19,22 +18,14 @@ pub struct Encoder {
     temperature: f32,
 }
 
-/// A convolution and what follows it.
-struct Layer {
-    shape: ConvLayer,
-    /// With the batch norm folded in, unless a pool lies between the two.
-    conv: Conv,
-    /// Scale and shift of the batch norm after a pool.
-    after_pool: Option<(Vec<f32>, Vec<f32>)>,
-}
-
 /// What one thread needs to run an [`Encoder`]; grows to the largest frame and stays.
 #[derive(Default)]
 pub struct Workspace {
-    gemm: GemmExecutor,
-    offsets: Vec<Im2ColOffsets>,
-    front: Vec<f32>,
-    back: Vec<f32>,
+    /// What goes into a layer.
+    front: Buffer,
+    /// What comes out.
+    back: Buffer,
+    scratch: Buffer,
 }
 
 /// The softmax of one keypoint's last feature map: the weights whose mean position the keypoint is.
@@ -50,15 +41,18 @@ impl Encoder {
     /// Folds and packs the encoder's weights.
     ///
     /// # Errors
-    /// When a tensor is missing or has another shape than its neighbours need.
+    /// When a tensor is missing or has another shape than its neighbours need, when weights are not finite numbers (names
+    /// the layer), or when there is no memory for them.
     pub fn new(checkpoint: &Checkpoint) -> Result<Self> {
-        let gemm = GemmExecutor::default();
         let config = checkpoint.config.clone();
-        let layers = config
-            .encoder_layers()
-            .into_iter()
-            .map(|layer| Layer::new(&gemm, checkpoint, layer))
-            .collect::<Result<_>>()?;
+        let lanes = gemm::lanes();
+        let mut layers: Vec<Layer> = Vec::new();
+        let mut channels = 3;
+        for shape in config.encoder_layers() {
+            let layer = Layer::new(checkpoint, shape, lanes, channels)?;
+            channels = layer.outputs();
+            layers.push(layer);
+        }
         let temperature = match config.trained_temperature {
             true => *checkpoint
                 .tensor(TEMPERATURE)?
@@ -90,8 +84,7 @@ impl Encoder {
     /// # Errors
     /// As [`Encoder::run`].
     pub fn extract(&self, workspace: &mut Workspace, frame: &Frame) -> Result<Vec<[f32; 2]>> {
-        let (input, size) = self.input(frame);
-        self.run(workspace, &input, size)
+        self.with_input(frame, |input, size| self.points(workspace, input, size))
     }
 
     /// The weights behind keypoint `n` of a frame, which is resized as in [`Encoder::extract`].
@@ -105,42 +98,37 @@ impl Encoder {
                 self.config.keypoints
             )));
         }
-        let (input, size) = self.input(frame);
-        let [width, height] = self.features(workspace, &input, size)?;
-        let map = &workspace.front[n * width * height..][..width * height];
-        let weights = softmax(map, self.temperature);
+        let map = self.with_input(frame, |input, size| self.maps(workspace, input, size, false))?;
+        let channel = workspace.front[n..map.len()].iter().step_by(map.channels);
+        let values: Vec<f32> = channel.copied().collect();
+        let weights = softmax(&values, self.temperature);
         if weights.iter().any(|weight| !weight.is_finite()) {
             return Err(not_finite(n));
         }
-        Ok(HeatMap { width, weights })
+        Ok(HeatMap {
+            width: map.size[0],
+            weights,
+        })
     }
 
-    /// The planar input of a frame and its `[width, height]`.
-    fn input(&self, frame: &Frame) -> (Vec<f32>, [usize; 2]) {
-        let size = self
-            .config
-            .input_size
-            .unwrap_or([frame.width() as usize, frame.height() as usize]);
-        (frame.to_planar(Some(size), Filter::BilinearAntialias), size)
+    /// What `run` makes of a frame in the encoder's input size, if it has one.
+    fn with_input<T>(&self, frame: &Frame, run: impl FnOnce(Input, [usize; 2]) -> Result<T>) -> Result<T> {
+        let own = [frame.width() as usize, frame.height() as usize];
+        match self.config.input_size {
+            Some(size) if size != own => {
+                let planes = frame.to_planar(Some(size), Filter::BilinearAntialias);
+                run(Input::Planes(&planes), size)
+            }
+            _ => run(Input::Pixels(frame.pixels()), own),
+        }
     }
 
     /// The keypoints of an input of 3 x height x width values in [0, 1] with `size` = `[width, height]`.
     ///
     /// # Errors
-    /// When the input is not of that size, or a keypoint is not a finite number.
+    /// When the input is not of that size or too small, when there is no memory for the activations, or when a keypoint
+    /// is not a finite number; names the layer that overflows.
     pub fn run(&self, workspace: &mut Workspace, input: &[f32], size: [usize; 2]) -> Result<Vec<[f32; 2]>> {
-        let [width, height] = self.features(workspace, input, size)?;
-        finite(
-            workspace
-                .front
-                .chunks_exact(width * height)
-                .map(|map| soft_argmax(map, width, self.temperature))
-                .collect(),
-        )
-    }
-
-    /// Leaves the N feature maps of an input in `front` of the workspace and returns their `[width, height]`.
-    fn features(&self, workspace: &mut Workspace, input: &[f32], size: [usize; 2]) -> Result<[usize; 2]> {
         if input.len() != 3 * size[0] * size[1] || input.is_empty() {
             return Err(Error::input(format!(
                 "an input of {} values for {} x {} pixels; expected 3 values a pixel",
@@ -149,20 +137,70 @@ impl Encoder {
                 size[1]
             )));
         }
-        let Workspace {
-            gemm,
-            offsets,
-            front,
-            back,
-        } = workspace;
-        offsets.resize_with(self.layers.len(), Im2ColOffsets::default);
-        let mut size = size;
-        front.clear();
-        front.extend_from_slice(input);
-        for (layer, offsets) in self.layers.iter().zip(offsets) {
-            size = layer.run(gemm, offsets, front, back, size)?;
+        self.points(workspace, Input::Planes(input), size)
+    }
+
+    fn points(&self, workspace: &mut Workspace, input: Input, size: [usize; 2]) -> Result<Vec<[f32; 2]>> {
+        let map = self.maps(workspace, input, size, false)?;
+        let mut points = vec![[0.0; 2]; self.keypoints()];
+        SoftArgmax {
+            input: &workspace.front,
+            from: map,
+            temperature: self.temperature,
+            points: &mut points,
         }
-        Ok(size)
+        .dispatch();
+        // Rare, and worth a second look for its cause.
+        finite(points).or_else(|error| self.maps(workspace, input, size, true).and(Err(error)))
+    }
+
+    /// Leaves the last feature map in the front of the workspace; `checked` looks for activations that overflow.
+    fn maps(&self, workspace: &mut Workspace, input: Input, size: [usize; 2], checked: bool) -> Result<Map> {
+        let Workspace { front, back, scratch } = workspace;
+        let mut sizes = self.layers[0].sizes(size)?;
+        let (mut map, len) = self.layers[0].input(&sizes);
+        front.grow(len)?;
+        input.write(front, map);
+        for (i, layer) in self.layers.iter().enumerate() {
+            let (next, to, len) = match self.layers.get(i + 1) {
+                Some(following) => {
+                    let next = following.sizes(sizes.to)?;
+                    let (to, len) = following.input(&next);
+                    (next, to, len)
+                }
+                None => {
+                    let to = Map::bare(sizes.to, layer.outputs());
+                    (sizes, to, to.len())
+                }
+            };
+            back.grow(len)?;
+            scratch.grow(layer.scratch(&sizes))?;
+            to.clear_frame(back);
+            layer.run(&sizes, front, back, to, scratch);
+            if checked && !back[..to.len()].iter().all(|v| v.is_finite()) {
+                return Err(Error::numeric(format!(
+                    "the activations of `{}` overflow, which weights of a diverged training do",
+                    layer.shape.name
+                )));
+            }
+            std::mem::swap(front, back);
+            (sizes, map) = (next, to);
+        }
+        Ok(map)
+    }
+
+    /// How the layers compute an input of `[width, height]` on this CPU.
+    ///
+    /// # Errors
+    /// When it is too small.
+    pub fn plan(&self, size: [usize; 2]) -> Result<Vec<PlannedLayer>> {
+        let mut size = size;
+        let plan = self.layers.iter().map(|layer| {
+            let sizes = layer.sizes(size)?;
+            size = sizes.to;
+            Ok(layer.plan(&sizes))
+        });
+        plan.collect()
     }
 
     /// Checks that an input of `[width, height]` is large enough for every layer.
@@ -170,7 +208,7 @@ impl Encoder {
     /// # Errors
     /// Names the layer that it is too small for.
     pub fn check_size(&self, size: [usize; 2]) -> Result<()> {
-        let after = |size, layer: &Layer| Ok(sides(&layer.shape, size)?.map(|(_, to)| to));
+        let after = |size, layer: &Layer| Ok(layer.sizes(size)?.to);
         self.layers.iter().try_fold(size, after).map(drop)
     }
 
@@ -180,63 +218,39 @@ impl Encoder {
     }
 }
 
-impl Layer {
-    fn new(gemm: &GemmExecutor, checkpoint: &Checkpoint, shape: ConvLayer) -> Result<Self> {
-        let weight = checkpoint.tensor(&format!("{}.weight", shape.name))?;
-        let norm = shape
-            .norm
-            .as_ref()
-            .map(|name| batch_norm(checkpoint, name))
-            .transpose()?;
-        let (conv, after_pool) = match norm {
-            None => {
-                let bias = checkpoint.tensor(&format!("{}.bias", shape.name))?.data.clone();
-                (Conv::new(gemm, &shape, weight, None, Some(bias))?, None)
-            }
-            Some(norm) if shape.pool => (Conv::new(gemm, &shape, weight, None, None)?, Some(norm)),
-            Some((scale, shift)) => (Conv::new(gemm, &shape, weight, Some(&scale), Some(shift))?, None),
-        };
-        Ok(Self {
-            shape,
-            conv,
-            after_pool,
-        })
-    }
-
-    /// Takes `front`, of `size`, and leaves the result there; returns its size.
-    fn run(
-        &self,
-        gemm: &GemmExecutor,
-        offsets: &mut Im2ColOffsets,
-        front: &mut Vec<f32>,
-        back: &mut Vec<f32>,
-        size: [usize; 2],
-    ) -> Result<[usize; 2]> {
-        let [(width, to_width), (height, to_height)] = sides(&self.shape, size)?;
-        let channels = self.conv.outputs();
-        back.resize(channels * width * height, 0.0);
-        self.conv.run(gemm, offsets, front, size, back, [width, height])?;
-        if let Some((scale, shift)) = &self.after_pool {
-            front.resize(channels * to_width * to_height, 0.0);
-            max_pool_affine_relu(back, [width, height], scale, shift, front);
-        } else {
-            if self.shape.norm.is_some() {
-                back.iter_mut().for_each(|v| *v = v.max(0.0));
-            }
-            std::mem::swap(front, back);
-        }
-        Ok([to_width, to_height])
-    }
+/// What goes into the first layer.
+#[derive(Clone, Copy)]
+enum Input<'a> {
+    /// 3 x height x width in [0, 1].
+    Planes(&'a [f32]),
+    Pixels(&'a Pixels),
 }
 
-/// Width and height of what the convolution of a layer makes of an input of `size`, each with that of the whole layer.
-fn sides(layer: &ConvLayer, size: [usize; 2]) -> Result<[(usize, usize); 2]> {
-    match size.map(|side| layer.convolved_side(side).zip(layer.output_side(side))) {
-        [Some(width), Some(height)] => Ok([width, height]),
-        _ => Err(Error::input(format!(
-            "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
-            layer.name, size[0], size[1], layer.kernel, layer.kernel
-        ))),
+impl Input<'_> {
+    /// Writes it as cells of three channels, framed by zeros.
+    fn write(self, to: &mut [f32], map: Map) {
+        map.clear_frame(to);
+        let [width, height] = map.size;
+        for row in 0..height {
+            let start = map.at(0, row);
+            let cells = &mut to[start..start + 3 * width];
+            let pixels = 3 * width * row..3 * width * (row + 1);
+            match self {
+                Self::Planes(planes) => {
+                    let [red, green, blue] =
+                        [0, 1, 2].map(|plane| &planes[(plane * height + row) * width..][..width]);
+                    for (((cell, r), g), b) in cells.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
+                        cell.copy_from_slice(&[*r, *g, *b]);
+                    }
+                }
+                Self::Pixels(Pixels::Bytes(bytes)) => {
+                    for (cell, byte) in cells.iter_mut().zip(&bytes[pixels]) {
+                        *cell = f32::from(*byte) / 255.0;
+                    }
+                }
+                Self::Pixels(Pixels::Floats(floats)) => cells.copy_from_slice(&floats[pixels]),
+            }
+        }
     }
 }
 
@@ -258,23 +272,4 @@ fn not_finite(n: usize) -> Error {
     Error::numeric(format!(
         "keypoint {n} is not a finite number; the activations overflow, which weights of a diverged training do"
     ))
-}
-
-/// Scale and shift per channel of a batch norm in evaluation.
-pub(super) fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>)> {
-    let part = |part: &str| checkpoint.tensor(&format!("{name}.{part}")).map(|t| &t.data);
-    let (weight, bias) = (part("weight")?, part("bias")?);
-    let (mean, variance) = (part("running_mean")?, part("running_var")?);
-    let scale: Vec<f32> = weight
-        .iter()
-        .zip(variance)
-        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON).sqrt())
-        .collect();
-    let shift = bias
-        .iter()
-        .zip(mean)
-        .zip(&scale)
-        .map(|((b, m), s)| b - m * s)
-        .collect();
-    Ok((scale, shift))
 }

@@ -1,18 +1,30 @@
-//! CPU inference of an encoder, without burn: batch norm folded into the convolutions, weights packed once,
-//! convolutions as matrix products over a virtual im2col matrix.
+//! CPU inference of an encoder, without burn: batch norm folded into the convolutions, weights packed once, and every
+//! convolution computed together with what follows it.
+//!
+//! Maps lie as rows x columns x channels. 3 x 3 and 5 x 5 filters with stride 1 go by Winograd's algorithm (`winograd`),
+//! all others as products of shifted rows (`direct`); both are built on the one product in `gemm`, which is written once
+//! over `rten-simd`'s instruction sets: AVX-512, AVX2 with FMA, NEON, wasm simd128, and plain code. Which one a layer
+//! takes is a rule on its shape, so that results are the same in every run; [`Encoder::plan`] tells it.
 //!
 //! What is computed is defined by the burn modules in `model`; tests hold the two together. An [`Encoder`] is
 //! immutable and shared by threads; every thread brings a [`Workspace`], which is sized by the first frame and
 //! reused by the following ones.
 
-mod conv;
+mod buffer;
 mod decoder;
+mod direct;
 mod encoder;
+mod gemm;
+mod layer;
+mod map;
 mod pool;
+mod simd;
 mod softargmax;
+mod winograd;
 
 pub use crate::checkpoint::LatentGrid;
 pub use decoder::Decoder;
 #[cfg(feature = "model")]
 pub(crate) use encoder::finite;
 pub use encoder::{Encoder, HeatMap, Workspace};
+pub use layer::PlannedLayer;

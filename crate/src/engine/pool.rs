@@ -1,39 +1,59 @@
-//! Max-pooling followed by the batch norm and ReLU that come after it.
+//! Max-pooling followed by the batch norm and ReLU that come after it, for convolutions that cannot do it themselves.
 
-/// The size that pooling makes of `size`.
-fn pooled(size: [usize; 2]) -> [usize; 2] {
-    size.map(|side| side / 2 + 1)
-}
+use rten_simd::ops::{BitOps, NumOps};
+use rten_simd::{Isa, SimdOp};
 
-/// Kernel 2, stride 2, one ring of padding that never wins (as in the authors' code; the paper has none);
-/// then `max(0, scale * value + shift)` per channel.
+use super::map::Map;
+use super::simd::larger;
+use super::winograd::Epilogue;
+
+/// Kernel 2, stride 2, one ring of padding that never wins (as in the authors' code; the paper has none); then scale,
+/// bias and floor.
 ///
 /// The batch norm cannot move before the maximum: where its scale is negative it would turn it into a minimum.
-pub(super) fn max_pool_affine_relu(
-    input: &[f32],
-    size: [usize; 2],
-    scale: &[f32],
-    shift: &[f32],
-    output: &mut [f32],
-) {
-    let [width, height] = size;
-    let [to_width, to_height] = pooled(size);
-    let planes = input.chunks_exact(width * height);
-    let outputs = output.chunks_exact_mut(to_width * to_height);
-    for ((plane, out), (scale, shift)) in planes.zip(outputs).zip(scale.iter().zip(shift)) {
-        for (y, out) in out.chunks_exact_mut(to_width).enumerate() {
-            let rows = (2 * y).saturating_sub(1)..(2 * y + 1).min(height);
-            out.fill(f32::NEG_INFINITY);
-            for row in rows {
-                let row = &plane[row * width..(row + 1) * width];
-                for (x, value) in out.iter_mut().enumerate() {
-                    for v in &row[(2 * x).saturating_sub(1)..(2 * x + 1).min(width)] {
-                        *value = value.max(*v);
+pub(super) struct MaxPool<'a> {
+    pub epilogue: Epilogue<'a>,
+    pub input: &'a [f32],
+    pub from: Map,
+    pub output: &'a mut [f32],
+    pub to: Map,
+}
+
+impl SimdOp for MaxPool<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn eval<I: Isa>(self, isa: I) {
+        let ops = isa.f32();
+        let lanes = ops.len();
+        let channels = self.from.channels;
+        let scale = self.epilogue.scale.unwrap_or_default();
+        assert_eq!(self.to.size, self.from.size.map(|side| side / 2 + 1));
+        assert_eq!([self.to.channels, channels % lanes], [channels, 0]);
+        assert_eq!([scale.len(), self.epilogue.bias.len()], [channels; 2]);
+        assert!(self.input.len() >= self.from.len() && self.output.len() >= self.to.len());
+        let floor = ops.splat(self.epilogue.floor);
+        for row in 0..self.to.size[1] {
+            for column in 0..self.to.size[0] {
+                let [columns, rows] = [(column, 0), (row, 1)]
+                    .map(|(at, axis)| (2 * at).saturating_sub(1)..(2 * at + 1).min(self.from.size[axis]));
+                for channel in (0..channels).step_by(lanes) {
+                    let mut value = ops.splat(f32::NEG_INFINITY);
+                    // SAFETY: both maps hold the cells, and the channels are whole vectors, as asserted above.
+                    unsafe {
+                        for row in rows.clone() {
+                            for column in columns.clone() {
+                                let cell = self.input.as_ptr().add(self.from.at(column, row) + channel);
+                                value = larger(isa, value, ops.load_ptr(cell));
+                            }
+                        }
+                        let scale = ops.load_ptr(scale.as_ptr().add(channel));
+                        let bias = ops.load_ptr(self.epilogue.bias.as_ptr().add(channel));
+                        let value = larger(isa, floor, ops.mul_add(scale, value, bias));
+                        let to = self.output.as_mut_ptr().add(self.to.at(column, row) + channel);
+                        ops.store_ptr(value, to);
                     }
                 }
-            }
-            for value in out.iter_mut() {
-                *value = (scale * *value + shift).max(0.0);
             }
         }
     }

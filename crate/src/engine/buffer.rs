@@ -1,0 +1,57 @@
+//! Memory of the engine, aligned to cache lines.
+
+use std::ops::{Deref, DerefMut};
+
+use crate::error::{Error, Result};
+
+/// Numbers in a cache line.
+pub(super) const LINE: usize = 16;
+
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Line([f32; LINE]);
+
+/// A slice of `f32` that starts at a cache line, so that no vector load straddles two of them, and that only grows.
+#[derive(Default)]
+pub(super) struct Buffer {
+    lines: Vec<Line>,
+}
+
+impl Buffer {
+    /// Makes room for `len` numbers; new ones are 0.
+    ///
+    /// # Errors
+    /// When there is no memory for them.
+    pub fn grow(&mut self, len: usize) -> Result<()> {
+        let lines = len.div_ceil(LINE);
+        if lines > self.lines.len() {
+            self.lines
+                .try_reserve_exact(lines - self.lines.len())
+                .map_err(|_| {
+                    Error::numeric(format!(
+                        "there is no memory for {} MiB of weights or activations; use smaller images, fewer threads, \
+                         or an encoder with fewer channels",
+                        (4 * len).div_ceil(1 << 20)
+                    ))
+                })?;
+            self.lines.resize(lines, Line([0.0; LINE]));
+        }
+        Ok(())
+    }
+}
+
+impl Deref for Buffer {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        // SAFETY: a `Line` is LINE numbers without padding.
+        unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.lines.len() * LINE) }
+    }
+}
+
+impl DerefMut for Buffer {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        // SAFETY: as above.
+        unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.lines.len() * LINE) }
+    }
+}

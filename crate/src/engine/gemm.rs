@@ -1,0 +1,153 @@
+//! The product behind all convolutions: a few rows of numbers, read in place, times a panel of packed weights.
+
+use rten_simd::ops::{BitOps, NumOps};
+use rten_simd::{Isa, SimdOp};
+
+use super::buffer::Buffer;
+use crate::error::Result;
+
+/// Vectors a panel is wide, except for the last one of an odd number of vectors.
+pub(super) const WIDE: usize = 2;
+
+/// Rows that are multiplied at a time: with [`WIDE`] vectors a row, as many sums as the registers hold beside their
+/// operands.
+pub(super) const fn tile_rows(lanes: usize) -> usize {
+    match lanes {
+        16 => 12,
+        8 => 6,
+        // 32 registers, against 16 of which a browser keeps some to itself.
+        _ if cfg!(target_arch = "aarch64") => 8,
+        _ => 4,
+    }
+}
+
+/// Runs `$body` with the constant `$rows` that [`tile_rows`] gives for the instruction set.
+macro_rules! with_rows {
+    ($isa:expr, $rows:ident => $body:expr) => {
+        match rten_simd::ops::BitOps::<f32>::len($isa.f32()) {
+            16 => {
+                const $rows: usize = $crate::engine::gemm::tile_rows(16);
+                $body
+            }
+            8 => {
+                const $rows: usize = $crate::engine::gemm::tile_rows(8);
+                $body
+            }
+            _ => {
+                const $rows: usize = $crate::engine::gemm::tile_rows(4);
+                $body
+            }
+        }
+    };
+}
+pub(super) use with_rows;
+
+/// Numbers in a vector on this CPU.
+pub(super) fn lanes() -> usize {
+    struct Lanes;
+    impl SimdOp for Lanes {
+        type Output = usize;
+        #[inline(always)]
+        fn eval<I: Isa>(self, isa: I) -> usize {
+            isa.f32().len()
+        }
+    }
+    Lanes.dispatch()
+}
+
+/// A matrix in panels of [`WIDE`] vectors, step by step; zeros beside the last column.
+pub(super) struct Panels {
+    data: Buffer,
+    steps: usize,
+    columns: usize,
+}
+
+impl Panels {
+    /// Packs `steps` rows of numbers in `columns` columns, a multiple of `lanes`.
+    ///
+    /// # Errors
+    /// When there is no memory for it.
+    pub fn new(lanes: usize, steps: usize, columns: usize, at: impl Fn(usize, usize) -> f32) -> Result<Self> {
+        let mut data = Buffer::default();
+        data.grow(steps * columns)?;
+        let mut rest = &mut data[..];
+        for first in (0..columns).step_by(WIDE * lanes) {
+            let width = (columns - first).min(WIDE * lanes);
+            let (panel, others) = rest.split_at_mut(steps * width);
+            for (step, row) in panel.chunks_exact_mut(width).enumerate() {
+                for (column, value) in row.iter_mut().enumerate() {
+                    *value = at(step, first + column);
+                }
+            }
+            rest = others;
+        }
+        Ok(Self { data, steps, columns })
+    }
+
+    /// Steps of the sum.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Columns with the zeros beside them.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// The panel that begins with the column `first`.
+    pub fn panel(&self, first: usize) -> &[f32] {
+        &self.data[first * self.steps..]
+    }
+}
+
+/// `sums[r][i] += sum over k of left[r * row + k] * panel[k][i]` for `steps` values of k.
+///
+/// # Safety
+/// `left` must be readable in ROWS rows of `steps` numbers, `panel` in `steps` rows of N vectors.
+#[inline(always)]
+pub(super) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
+    isa: I,
+    sums: &mut [[I::F32; N]; ROWS],
+    left: *const f32,
+    row: usize,
+    panel: *const f32,
+    steps: usize,
+) {
+    let ops = isa.f32();
+    let lanes = ops.len();
+    // SAFETY: of each step, by the caller's promise.
+    let mut step = |k: usize| unsafe {
+        let mut columns = [ops.zero(); N];
+        for (i, column) in columns.iter_mut().enumerate() {
+            *column = ops.load_ptr(panel.add((k * N + i) * lanes));
+        }
+        for (r, row_sums) in sums.iter_mut().enumerate() {
+            let factor = ops.splat(*left.add(r * row + k));
+            for (sum, column) in row_sums.iter_mut().zip(columns) {
+                *sum = ops.mul_add(factor, column, *sum);
+            }
+        }
+    };
+    let mut k = 0;
+    if cfg!(target_arch = "wasm32") {
+        // The compiler unrolls a loop whose count it can tell, and then gathers the operands of several steps, which are
+        // too many for the registers of a browser.
+        let one = std::hint::black_box(1);
+        while k != steps {
+            step(k);
+            k += one;
+        }
+        return;
+    }
+    while k + 4 <= steps {
+        step(k);
+        step(k + 1);
+        step(k + 2);
+        step(k + 3);
+        k += 4;
+    }
+    while k < steps {
+        step(k);
+        k += 1;
+    }
+}

@@ -1,0 +1,442 @@
+//! Convolutions with stride 1 by Winograd's algorithm: a tile of M x M outputs costs 36 products instead of
+//! M² kernel², at the price of additions.
+//!
+//! Tiles of 6 x 6 cells serve filters of 3 x 3 (M = 4) and 5 x 5 (M = 2), which differ in the transforms of filters and
+//! results only. Tiles go through in blocks whose transforms stay in the second-level cache: input transform of a
+//! block, then for every panel of outputs 36 products and the output transform, which adds the bias, pools and applies
+//! the ReLU, so that no sum is written to memory other than as a result.
+//!
+//! A. Lavin, S. Gray: Fast Algorithms for Convolutional Neural Networks (2016).
+
+use rten_simd::ops::{BitOps, NumOps};
+use rten_simd::{Isa, SimdOp};
+
+use super::buffer::LINE;
+use super::gemm::{Panels, WIDE, multiply, tile_rows, with_rows};
+use super::map::Map;
+use super::simd::larger;
+use crate::error::Result;
+
+/// Cells of a side of a tile.
+pub(super) const TILE: usize = 6;
+
+/// Places of a tile.
+const PLACES: usize = TILE * TILE;
+
+/// The tile's polynomials are evaluated at 0, ±[`NEAR`], ±[`FAR`] and infinity.
+const NEAR: f32 = 1.0;
+const FAR: f32 = 2.0;
+
+/// Numbers of a block of transformed tiles: half of a common second-level cache.
+const BLOCK: usize = 128 * 1024;
+
+/// Cells that a tile results in, a side, for a `kernel`; `None` where there is no transform for it.
+pub(super) fn outputs_a_side(kernel: usize) -> Option<usize> {
+    matches!(kernel, 3 | 5).then(|| TILE + 1 - kernel)
+}
+
+/// What a convolution gives: every sum plus a bias, or the largest of 2 x 2 sums times a scale plus a bias; then what is
+/// below `floor` is raised to it.
+pub(super) struct Epilogue<'a> {
+    /// Of the batch norm after a pool; one number an output.
+    pub scale: Option<&'a [f32]>,
+    pub bias: &'a [f32],
+    pub floor: f32,
+}
+
+/// A convolution by tiles.
+pub(super) struct Winograd<'a> {
+    /// Transformed filters, a place of the tile after the other.
+    pub panels: &'a [Panels],
+    pub kernel: usize,
+    /// Columns and rows of the convolution, before a pool.
+    pub convolved: [usize; 2],
+    pub epilogue: Epilogue<'a>,
+    pub input: &'a [f32],
+    /// As [`frame`] has it.
+    pub from: Map,
+    pub output: &'a mut [f32],
+    pub to: Map,
+    /// Of [`scratch`] numbers.
+    pub scratch: &'a mut [f32],
+}
+
+/// Cells in front of the input of a convolution and behind it on both axes, of which `size` come in and `convolved` out.
+pub(super) fn frame(
+    kernel: usize,
+    padding: usize,
+    pool: bool,
+    size: [usize; 2],
+    convolved: [usize; 2],
+) -> (usize, [usize; 2]) {
+    // A pool takes its first maximum over the first row and the one before it, so tiles begin there as well.
+    let before = padding + usize::from(pool);
+    let tile = TILE + 1 - kernel;
+    let after = [0, 1].map(|axis| {
+        let tiles = (convolved[axis] + usize::from(pool)).div_ceil(tile);
+        tiles * tile + kernel - 1 - before - size[axis]
+    });
+    (before, after)
+}
+
+/// Tiles that are transformed at a time, and numbers that a convolution of `tiles` needs beside input and output.
+pub(super) fn scratch(lanes: usize, channels: usize, tiles: usize) -> (usize, usize) {
+    let rows = tile_rows(lanes);
+    let most = (BLOCK / (PLACES * channels)).clamp(rows, 32 * rows);
+    // Equal blocks, as whole tiles of the product.
+    let blocks = tiles.div_ceil(most);
+    let block = tiles.div_ceil(blocks).next_multiple_of(rows);
+    let strides = Strides::new(block, channels, lanes);
+    (block, PLACES * (strides.source + strides.product))
+}
+
+/// Numbers from a place of the tile to the next.
+struct Strides {
+    source: usize,
+    product: usize,
+}
+
+impl Strides {
+    /// An odd number of cache lines: with a power of two, all places would fall into one set of the cache.
+    fn new(block: usize, channels: usize, lanes: usize) -> Self {
+        let odd = |numbers: usize| (numbers.div_ceil(LINE) | 1) * LINE;
+        Self {
+            source: odd(block * channels),
+            product: odd(block * WIDE * lanes),
+        }
+    }
+}
+
+/// The filters (outputs x inputs x kernel x kernel, by `at`) in the tile's points, packed for the product.
+///
+/// # Errors
+/// When there is no memory for them.
+pub(super) fn transform_filters(
+    lanes: usize,
+    kernel: usize,
+    [outputs, inputs]: [usize; 2],
+    at: impl Fn(usize, usize, usize, usize) -> f32,
+) -> Result<Vec<Panels>> {
+    let points = [0.0, NEAR, -NEAR, FAR, -FAR].map(f64::from);
+    // One row a point; the last one is infinity, where only the highest power counts.
+    let mut matrix = vec![0.0f64; TILE * kernel];
+    for (i, row) in matrix.chunks_exact_mut(kernel).enumerate() {
+        match points.get(i) {
+            Some(p) => {
+                let others = points.iter().enumerate().filter(|(j, _)| *j != i);
+                let scale: f64 = others.map(|(_, q)| p - q).product();
+                for (power, value) in row.iter_mut().enumerate() {
+                    *value = p.powi(power as i32) / scale;
+                }
+            }
+            None => row[kernel - 1] = 1.0,
+        }
+    }
+    (0..PLACES)
+        .map(|place| {
+            let [rows, columns] = [place / TILE, place % TILE].map(|i| &matrix[i * kernel..][..kernel]);
+            Panels::new(lanes, inputs, outputs, |input, output| {
+                let tap = |(ky, y): (usize, &f64)| {
+                    let row = columns.iter().enumerate();
+                    let row = row.map(|(kx, x)| x * f64::from(at(output, input, ky, kx)));
+                    y * row.sum::<f64>()
+                };
+                rows.iter().enumerate().map(tap).sum::<f64>() as f32
+            })
+        })
+        .collect()
+}
+
+impl SimdOp for Winograd<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn eval<I: Isa>(self, isa: I) {
+        with_rows!(isa, ROWS => match (self.kernel, self.epilogue.scale.is_some()) {
+            (3, false) => self.run::<I, ROWS, 4, false>(isa),
+            (3, true) => self.run::<I, ROWS, 4, true>(isa),
+            (5, false) => self.run::<I, ROWS, 2, false>(isa),
+            (5, true) => self.run::<I, ROWS, 2, true>(isa),
+            _ => unreachable!("no transform for a kernel of {}", self.kernel),
+        });
+    }
+}
+
+/// Consecutive tiles, row by row.
+#[derive(Clone, Copy)]
+struct Block {
+    first: usize,
+    count: usize,
+    /// Tiles of a row.
+    across: usize,
+}
+
+impl Block {
+    /// Column and row of a tile.
+    fn place(&self, tile: usize) -> [usize; 2] {
+        let tile = self.first + tile;
+        [tile % self.across, tile / self.across]
+    }
+}
+
+impl Winograd<'_> {
+    #[inline(always)]
+    fn run<I: Isa, const ROWS: usize, const M: usize, const POOL: bool>(mut self, isa: I) {
+        let lanes = isa.f32().len();
+        let inputs = self.from.channels;
+        let outputs = self.to.channels;
+        let before = usize::from(POOL);
+        let [across, down] = self.convolved.map(|side| (side + before).div_ceil(M));
+        let (block, needed) = scratch(lanes, inputs, across * down);
+        let strides = Strides::new(block, inputs, lanes);
+        let framed = self.from.framed();
+        assert!(framed[0] >= across * M + self.kernel - 1 && framed[1] >= down * M + self.kernel - 1);
+        assert!(self.input.len() >= self.from.len() && self.output.len() >= self.to.len());
+        assert!(self.scratch.len() >= needed);
+        assert!(inputs.is_multiple_of(lanes) && outputs.is_multiple_of(lanes));
+        assert_eq!(self.panels.len(), PLACES);
+        for panels in self.panels {
+            assert_eq!([panels.steps(), panels.columns()], [inputs, outputs]);
+        }
+        assert_eq!(self.epilogue.bias.len(), outputs);
+        assert!(self.epilogue.scale.is_none_or(|scale| scale.len() == outputs));
+        let expected = self.convolved.map(|side| if POOL { side / 2 + 1 } else { side });
+        assert_eq!(self.to.size, expected);
+        let tiles = across * down;
+        for first in (0..tiles).step_by(block) {
+            let block = Block {
+                first,
+                count: block.min(tiles - first),
+                across,
+            };
+            // SAFETY: the sizes are asserted above.
+            unsafe {
+                self.transform_input::<I, M>(isa, block, &strides);
+                let mut first = 0;
+                while first + WIDE * lanes <= outputs {
+                    self.product::<I, ROWS, WIDE>(isa, block, &strides, first);
+                    self.transform_output::<I, M, WIDE, POOL>(isa, block, &strides, first);
+                    first += WIDE * lanes;
+                }
+                if first < outputs {
+                    self.product::<I, ROWS, 1>(isa, block, &strides, first);
+                    self.transform_output::<I, M, 1, POOL>(isa, block, &strides, first);
+                }
+            }
+        }
+    }
+
+    /// Places x tiles x channels.
+    #[inline(always)]
+    unsafe fn transform_input<I: Isa, const M: usize>(&mut self, isa: I, block: Block, strides: &Strides) {
+        let ops = isa.f32();
+        let lanes = ops.len();
+        let channels = self.from.channels;
+        let pitch = self.from.pitch();
+        for tile in 0..block.count {
+            let [x, y] = block.place(tile).map(|place| place * M);
+            for channel in (0..channels).step_by(lanes) {
+                // SAFETY: `run` asserts that the frame holds all tiles, and scratch a block of them.
+                unsafe {
+                    let from = self.input.as_ptr().add(y * pitch + x * channels + channel);
+                    let to = self.scratch.as_mut_ptr().add(tile * channels + channel);
+                    let mut half = [[ops.zero(); TILE]; TILE];
+                    for (column, half) in half.iter_mut().enumerate() {
+                        let mut cells = [ops.zero(); TILE];
+                        for (row, cell) in cells.iter_mut().enumerate() {
+                            *cell = ops.load_ptr(from.add(row * pitch + column * channels));
+                        }
+                        *half = input_points(isa, cells);
+                    }
+                    for row in 0..TILE {
+                        let mut cells = [ops.zero(); TILE];
+                        for (cell, half) in cells.iter_mut().zip(&half) {
+                            *cell = half[row];
+                        }
+                        for (column, value) in input_points(isa, cells).into_iter().enumerate() {
+                            ops.store_ptr(value, to.add((row * TILE + column) * strides.source));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Places x tiles x N vectors of outputs, from `first` on.
+    #[inline(always)]
+    unsafe fn product<I: Isa, const ROWS: usize, const N: usize>(
+        &mut self,
+        isa: I,
+        block: Block,
+        strides: &Strides,
+        first: usize,
+    ) {
+        let ops = isa.f32();
+        let lanes = ops.len();
+        let channels = self.from.channels;
+        let (source, product) = self.scratch.split_at_mut(PLACES * strides.source);
+        for (place, panels) in self.panels.iter().enumerate() {
+            let panel = panels.panel(first).as_ptr();
+            let mut tile = 0;
+            while tile < block.count {
+                // SAFETY: scratch holds a block, which is a multiple of ROWS tiles; what is computed for tiles behind the
+                // last one is never looked at.
+                unsafe {
+                    let left = source.as_ptr().add(place * strides.source + tile * channels);
+                    let mut sums = [[ops.zero(); N]; ROWS];
+                    multiply::<I, ROWS, N>(isa, &mut sums, left, channels, panel, channels);
+                    let to = product
+                        .as_mut_ptr()
+                        .add(place * strides.product + tile * N * lanes);
+                    for (r, sums) in sums.iter().enumerate() {
+                        for (i, sum) in sums.iter().enumerate() {
+                            ops.store_ptr(*sum, to.add((r * N + i) * lanes));
+                        }
+                    }
+                }
+                tile += ROWS;
+            }
+        }
+    }
+
+    /// Results of N vectors of outputs, from `first` on.
+    #[inline(always)]
+    unsafe fn transform_output<I: Isa, const M: usize, const N: usize, const POOL: bool>(
+        &mut self,
+        isa: I,
+        block: Block,
+        strides: &Strides,
+        first: usize,
+    ) {
+        let ops = isa.f32();
+        let lanes = ops.len();
+        let before = usize::from(POOL);
+        let floor = ops.splat(self.epilogue.floor);
+        let lowest = ops.splat(f32::NEG_INFINITY);
+        let product = &self.scratch[PLACES * strides.source..];
+        for tile in 0..block.count {
+            let place = block.place(tile);
+            // Cells of the tile that the convolution has.
+            let skipped = place.map(|p| before.saturating_sub(p));
+            let held = [0, 1].map(|axis| (self.convolved[axis] + before - place[axis] * M).min(M));
+            let whole = skipped == [0; 2] && held == [M; 2];
+            for i in 0..N {
+                let channel = first + i * lanes;
+                // SAFETY: scratch holds the block's products; cells are written only where `run` asserts that they are.
+                unsafe {
+                    let from = product.as_ptr().add((tile * N + i) * lanes);
+                    let mut half = [[ops.zero(); M]; TILE];
+                    for (column, half) in half.iter_mut().enumerate() {
+                        let mut places = [ops.zero(); TILE];
+                        for (row, place) in places.iter_mut().enumerate() {
+                            *place = ops.load_ptr(from.add((row * TILE + column) * strides.product));
+                        }
+                        *half = output_cells::<I, M>(isa, places);
+                    }
+                    let mut cells = [[ops.zero(); M]; M];
+                    for (row, cells) in cells.iter_mut().enumerate() {
+                        let mut places = [ops.zero(); TILE];
+                        for (place, half) in places.iter_mut().zip(&half) {
+                            *place = half[row];
+                        }
+                        *cells = output_cells::<I, M>(isa, places);
+                    }
+                    let bias = ops.load_ptr(self.epilogue.bias.as_ptr().add(channel));
+                    if POOL {
+                        if !whole {
+                            for (row, cells) in cells.iter_mut().enumerate() {
+                                for (column, cell) in cells.iter_mut().enumerate() {
+                                    let inside = row >= skipped[1]
+                                        && row < held[1]
+                                        && column >= skipped[0]
+                                        && column < held[0];
+                                    if !inside {
+                                        *cell = lowest;
+                                    }
+                                }
+                            }
+                        }
+                        let scale = self
+                            .epilogue
+                            .scale
+                            .map_or(lowest, |scale| ops.load_ptr(scale.as_ptr().add(channel)));
+                        for row in 0..M / 2 {
+                            for column in 0..M / 2 {
+                                let at = [place[0] * M / 2 + column, place[1] * M / 2 + row];
+                                if whole || (at[0] < self.to.size[0] && at[1] < self.to.size[1]) {
+                                    let pairs = [0, 1].map(|i| {
+                                        let pair = &cells[2 * row + i][2 * column..];
+                                        larger(isa, pair[0], pair[1])
+                                    });
+                                    let value = larger(isa, pairs[0], pairs[1]);
+                                    let value = larger(isa, floor, ops.mul_add(scale, value, bias));
+                                    let to = self.output.as_mut_ptr();
+                                    ops.store_ptr(value, to.add(self.to.at(at[0], at[1]) + channel));
+                                }
+                            }
+                        }
+                    } else {
+                        let to = self.output.as_mut_ptr();
+                        let to = to.add(self.to.at(place[0] * M, place[1] * M) + channel);
+                        for (row, cells) in cells.iter().enumerate() {
+                            for (column, cell) in cells.iter().enumerate() {
+                                if whole || (row < held[1] && column < held[0]) {
+                                    let value = larger(isa, floor, ops.add(*cell, bias));
+                                    let to = to.add(row * self.to.pitch() + column * self.to.channels);
+                                    ops.store_ptr(value, to);
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The input transform along one axis.
+#[inline(always)]
+fn input_points<I: Isa>(isa: I, d: [I::F32; TILE]) -> [I::F32; TILE] {
+    let ops = isa.f32();
+    let scaled = |factor: f32, value, sum| ops.mul_add(ops.splat(factor), value, sum);
+    let (near, far) = (NEAR * NEAR, FAR * FAR);
+    let even_near = scaled(-far, d[2], d[4]);
+    let odd_near = scaled(-far, d[1], d[3]);
+    let even_far = scaled(-near, d[2], d[4]);
+    let odd_far = scaled(-near, d[1], d[3]);
+    [
+        scaled(near * far, d[0], scaled(-(near + far), d[2], d[4])),
+        scaled(NEAR, odd_near, even_near),
+        scaled(-NEAR, odd_near, even_near),
+        scaled(FAR, odd_far, even_far),
+        scaled(-FAR, odd_far, even_far),
+        scaled(near * far, d[1], scaled(-(near + far), d[3], d[5])),
+    ]
+}
+
+/// The output transform along one axis: result i is the sum of a point's product times the point to the power of i, and
+/// the last one has infinity's as well.
+#[inline(always)]
+fn output_cells<I: Isa, const M: usize>(isa: I, m: [I::F32; TILE]) -> [I::F32; M] {
+    let ops = isa.f32();
+    let even = [ops.add(m[1], m[2]), ops.add(m[3], m[4])];
+    let odd = [ops.sub(m[1], m[2]), ops.sub(m[3], m[4])];
+    let mut cells = [m[0]; M];
+    for (power, cell) in cells.iter_mut().enumerate() {
+        let [near, far] = if power % 2 == 0 { even } else { odd };
+        let [at_near, at_far] = [NEAR, FAR].map(|point| {
+            let mut value = 1.0;
+            for _ in 0..power {
+                value *= point;
+            }
+            ops.splat(value)
+        });
+        let last = match power {
+            0 => ops.add(m[0], near),
+            _ if power + 1 == M => ops.mul_add(at_near, near, m[5]),
+            _ => ops.mul(at_near, near),
+        };
+        *cell = ops.mul_add(at_far, far, last);
+    }
+    cells
+}
