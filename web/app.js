@@ -24,9 +24,8 @@ export function start() {
   showExtraction(session);
   showResults(session);
   showViewer(session);
-  const comparison = new RunsComparison(session);
-  showComparison(comparison);
-  takeFiles(session, comparison);
+  showComparison(new RunsComparison(session));
+  takeFiles(session);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
   if (origin !== null) embed(session, origin);
@@ -34,15 +33,8 @@ export function start() {
   void keepOffline();
 }
 
-/**
- * @param {Session} session
- * @param {RunsComparison} comparison
- */
-function takeFiles(session, comparison) {
-  const take = (/** @type {import("./files.js").Source[]} */ sources) => {
-    const { rest, runs } = comparison.take(sources);
-    if (rest.length > 0 || runs === 0) void session.add(rest);
-  };
+/** @param {Session} session */
+function takeFiles(session) {
   for (const [button, input] of [
     ["choose-files", "input-files"],
     ["choose-folder", "input-folder"],
@@ -51,7 +43,7 @@ function takeFiles(session, comparison) {
     const picker = byId(input);
     byId(button).addEventListener("click", () => picker.click());
     picker.addEventListener("change", () => {
-      take(fromInput(picker));
+      void session.add(fromInput(picker));
       // The same files can be picked again.
       picker.value = "";
     });
@@ -59,7 +51,6 @@ function takeFiles(session, comparison) {
   byId("try-example").addEventListener("click", () => void session.open(fetchExample));
   byId("start-over").addEventListener("click", () => {
     session.clear();
-    comparison.clear();
     announce("Everything was removed.");
     byId("choose-folder").focus();
   });
@@ -79,7 +70,7 @@ function takeFiles(session, comparison) {
   window.addEventListener("dragleave", (event) => isFiles(event) && over(depth - 1));
   window.addEventListener("drop", async (event) => {
     over(0);
-    if (event.dataTransfer && isFiles(event)) take(await fromDrop(event.dataTransfer));
+    if (event.dataTransfer && isFiles(event)) void session.add(await fromDrop(event.dataTransfer));
   });
 }
 

@@ -11,7 +11,9 @@ import { baseName, count, fixed, integer, significant } from "./format.js";
  * @typedef {import("./pkg/index.js").Figure} Figure
  * @typedef {import("./pkg/index.js").RunDataSet} RunDataSet
  * @typedef {import("./pkg/index.js").RunsReport} RunsReport
- *
+ */
+
+/**
  * A column of a table: its heading, what a row shows in it, and what it is sorted by.
  * @template T
  * @typedef {{ label: string, text: (row: T) => import("./dom.js").Child, value?: (row: T) => string | number | null,
@@ -30,13 +32,13 @@ export function showComparison(comparison) {
   const order = { column: 0, down: false };
 
   const rebuild = () => {
-    const { dataSets, unread, unscored, pending, reading } = comparison;
+    const { dataSets, unread, unscored, pending, reading, error } = comparison;
     const runs = dataSets.reduce((sum, set) => sum + set.runs.length, 0) + unread.length;
-    place.hidden = runs === 0 && unscored.length + pending.length < 2 && !reading;
+    place.hidden = runs === 0 && unscored.length + pending.length < 2 && !reading && !error;
     document.documentElement.dataset.runs = String(comparison.size > 0);
     if (place.hidden) {
       fill(place);
-      place.dataset.runs = "0";
+      Object.assign(place.dataset, { runs: "0", complete: "0", groups: "0" });
       return;
     }
     const set = dataSets[comparison.options.dataSet];
@@ -44,6 +46,8 @@ export function showComparison(comparison) {
     const groups = report?.groups ?? [];
     const complete = groups.reduce((sum, group) => sum + group.complete, 0);
     Object.assign(place.dataset, { runs: String(runs), complete: String(complete), groups: String(groups.length) });
+    // A control that changes the comparison is made anew, too.
+    const focused = place.contains(document.activeElement) ? document.activeElement?.id : "";
     const summary = report
       ? `${count(complete, "run")} compared in ${count(groups.length, "group")}`
       : `${count(runs, "run")}, none to compare`;
@@ -60,6 +64,7 @@ export function showComparison(comparison) {
       ...(report && comparison.compared ? compared(comparison.compared, report, order) : []),
       dropped(comparison, set),
     );
+    if (focused) document.getElementById(focused)?.focus();
     if (summary !== told) announce(`${summary}.`);
     told = summary;
   };
@@ -307,7 +312,7 @@ function runTable(report, order) {
 /** @param {Figure} figure */
 function figureView({ name, caption, svg }) {
   const drawn = new DOMParser().parseFromString(svg, "image/svg+xml").documentElement;
-  const picture = /** @type {SVGSVGElement} */ (document.importNode(drawn, true));
+  const picture = document.importNode(drawn, true);
   picture.setAttribute("role", "img");
   picture.setAttribute("aria-label", caption);
   const button = (/** @type {string} */ label, /** @type {() => void} */ onclick) =>

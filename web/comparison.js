@@ -5,18 +5,19 @@
  */
 
 import init, { Comparison, Scoring } from "./pkg/index.js";
-import { bytesOf, mapBounded } from "./files.js";
-import { splitRuns } from "./runs.js";
+import { bytesOf, mapBounded, readError } from "./files.js";
 
 /**
  * @typedef {import("./session.js").Session} Session
  * @typedef {import("./intake.js").Entry} Entry
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./files.js").Source} Source
  * @typedef {import("./runs.js").RunFolder} RunFolder
  * @typedef {import("./pkg/index.js").Compared} Compared
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").RunDataSet} RunDataSet
+ *
+ * One that is scored.
+ * @typedef {{ name: string, evaluation: Evaluation, architecture?: string }} Detector
  */
 
 const READERS = 8;
@@ -38,16 +39,21 @@ export class RunsComparison extends EventTarget {
   error = "";
   options = { dataSet: 0, groupBy: "settings" };
 
-  /** Bytes by folder. @type {Map<string, Record<string, Uint8Array>>} */
+  /**
+   * What was read of the folders of runs, by path: bytes, or why there are none.
+   * @type {Map<string, { folder: RunFolder, files: Record<string, Uint8Array>, reason: string }>}
+   */
   #runs = new Map();
   /**
    * What was scored, by detector: an entry is scored again only when something else is asked of it.
-   * @type {Map<Entry, { key: string, content: Entry["content"], evaluation: Evaluation | null, reason: string }>}
+   * @type {Map<Entry, { asked: unknown[], evaluation: Evaluation | null, reason: string }>}
    */
   #scores = new Map();
   #session;
   /** @type {Comparison | null} */
   #comparison = null;
+  /** What is in it. @type {unknown[]} */
+  #parts = [];
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
   #scheduled = false;
@@ -57,28 +63,21 @@ export class RunsComparison extends EventTarget {
     super();
     this.#session = session;
     for (const topic of ["files", "scoring", "evaluation", "extraction"]) {
-      session.addEventListener(topic, () => this.#schedule());
+      session.addEventListener(topic, () => {
+        // Every frame of a running one says so.
+        if (topic !== "extraction" || session.extraction?.status !== "running") this.#schedule();
+      });
     }
   }
 
   /** The number of run folders. */
   get size() {
-    return this.#runs.size;
-  }
-
-  /**
-   * Takes the folders of runs out of what was dropped and returns the rest.
-   * @param {Source[]} sources
-   */
-  take(sources) {
-    const { runs, rest } = splitRuns(sources);
-    if (runs.size > 0) this.#change(() => this.#read(runs));
-    return { rest, runs: runs.size };
+    return this.#session.runs.size;
   }
 
   /** Removes the folders of runs. */
   clear() {
-    this.#change(async () => this.#runs.clear());
+    void this.#session.removeRuns();
   }
 
   /** @param {Partial<RunsComparison["options"]>} options */
@@ -91,20 +90,29 @@ export class RunsComparison extends EventTarget {
   /** Extracts the keypoints of the checkpoints that have none yet, one after the other. */
   async extract() {
     for (const { extraction } of this.pending) {
+      if (extraction?.status === "running") continue;
       await extraction?.run(this.#session.frameSources, () => this.dispatchEvent(new Event("progress")));
     }
     this.#schedule();
   }
 
-  /** @param {Map<string, RunFolder>} runs */
-  async #read(runs) {
+  /** Reads the folders that are new, and forgets those that are gone. */
+  async #read() {
+    const { runs } = this.#session;
+    for (const name of this.#runs.keys()) if (!runs.has(name)) this.#runs.delete(name);
+    const unread = [...runs].filter(([name, folder]) => this.#runs.get(name)?.folder !== folder);
     let done = 0;
-    await mapBounded([...runs], READERS, async ([name, folder]) => {
+    await mapBounded(unread, READERS, async ([name, folder]) => {
       /** @type {Record<string, Uint8Array>} */
       const files = {};
-      for (const [kind, source] of Object.entries(folder)) files[kind] = await bytesOf(source);
-      this.#runs.set(name, files);
-      this.reading = { done: ++done, total: runs.size };
+      let reason = "";
+      try {
+        for (const [kind, source] of Object.entries(folder)) files[kind] = await bytesOf(source);
+      } catch (error) {
+        reason = readError(error, name);
+      }
+      this.#runs.set(name, { folder, files, reason });
+      this.reading = { done: ++done, total: unread.length };
       this.dispatchEvent(new Event("progress"));
     });
     this.reading = null;
@@ -124,11 +132,12 @@ export class RunsComparison extends EventTarget {
     this.#queue = this.#queue.then(async () => {
       try {
         await change();
+        await this.#read();
         await this.#compare();
       } catch (error) {
         this.reading = null;
-        this.compared = null;
-        this.error = error instanceof Error ? error.message : String(error);
+        this.#forget();
+        this.error = messageOf(error);
       }
       this.dispatchEvent(new Event("change"));
     });
@@ -136,35 +145,54 @@ export class RunsComparison extends EventTarget {
 
   async #compare() {
     const detectors = this.#detectors();
-    this.compared?.free();
-    this.compared = null;
-    this.#comparison?.free();
-    this.#comparison = null;
+    const parts = [...this.#runs.values(), ...detectors.flatMap(({ name, evaluation }) => [name, evaluation])];
+    if (parts.length === 0) this.#forget();
+    else if (parts.length !== this.#parts.length || parts.some((part, i) => part !== this.#parts[i])) {
+      await init(["figures"]);
+      this.#forget();
+      this.#comparison = this.#gather(detectors);
+      this.#parts = parts;
+    }
     this.error = "";
-    this.dataSets = [];
-    this.unread = [];
-    // One detector is no comparison: the page shows its score anyway.
-    const scored = detectors.length + this.pending.length > 1 ? detectors : [];
-    if (this.#runs.size === 0 && scored.length === 0) return;
-    await init(["figures"]);
-    const comparison = new Comparison();
-    this.#comparison = comparison;
-    for (const { name, evaluation, architecture } of scored) comparison.addEvaluation(name, evaluation, architecture);
-    for (const [name, files] of this.#runs) comparison.addRun(name, files);
-    this.dataSets = comparison.dataSets;
-    this.unread = comparison.unread;
-    if (this.options.dataSet >= this.dataSets.length) this.options.dataSet = 0;
-    const set = this.dataSets[this.options.dataSet];
-    if (!set) return;
+    const set = this.dataSets[this.options.dataSet] ?? this.dataSets[0];
+    if (!this.#comparison || !set) return;
+    this.options.dataSet = this.dataSets.indexOf(set);
     const known = ["settings", "architecture", "name", ...set.settings];
     if (!known.includes(this.options.groupBy)) this.options.groupBy = "settings";
     const given = Object.entries(this.#session.options.thresholds ?? {});
     const thresholds = Object.fromEntries(given.filter(([object]) => set.objects.includes(object)));
+    const before = this.compared;
+    this.compared = null;
+    before?.free();
     try {
-      this.compared = comparison.compare({ ...this.options, thresholds });
+      this.compared = this.#comparison.compare({ ...this.options, thresholds });
     } catch (error) {
-      this.error = error instanceof Error ? error.message : String(error);
+      this.error = messageOf(error);
     }
+  }
+
+  /** @param {Detector[]} detectors */
+  #gather(detectors) {
+    const comparison = new Comparison();
+    for (const { name, evaluation, architecture } of detectors) comparison.addEvaluation(name, evaluation, architecture);
+    const failed = [];
+    for (const [name, { files, reason }] of this.#runs) {
+      if (reason) failed.push({ name, reason });
+      else comparison.addRun(name, files);
+    }
+    this.dataSets = comparison.dataSets;
+    this.unread = [...comparison.unread, ...failed];
+    return comparison;
+  }
+
+  #forget() {
+    this.compared?.free();
+    this.compared = null;
+    this.#comparison?.free();
+    this.#comparison = null;
+    this.#parts = [];
+    this.dataSets = [];
+    this.unread = [];
   }
 
   /** The detectors of the session that have keypoints of the frames, scored as the session scores. */
@@ -172,13 +200,16 @@ export class RunsComparison extends EventTarget {
     const { truth, frames, frameSources, entries, options } = this.#session;
     this.pending = [];
     this.unscored = [];
-    /** @type {{ name: string, evaluation: Evaluation, architecture?: string }[]} */
+    /** @type {Detector[]} */
     const detectors = [];
     for (const entry of this.#scores.keys()) if (!entries.includes(entry)) this.#scores.delete(entry);
-    if (!truth) return detectors;
-    for (const entry of entries) {
-      if (!entry.content || (entry.role !== "keypoints" && entry.role !== "checkpoint")) continue;
-      const { extraction } = entry;
+    const isDetector = (/** @type {Entry} */ { content, role }) =>
+      content !== null && (role === "keypoints" || role === "checkpoint");
+    const candidates = entries.filter(isDetector);
+    // One detector is no comparison: the page shows its score anyway.
+    if (!truth || candidates.length < 2) return detectors;
+    for (const entry of candidates) {
+      const { content, extraction } = entry;
       if (entry.role === "checkpoint") {
         if (!frames || !extraction) continue;
         if (extraction.pending(frameSources).length > 0) {
@@ -186,11 +217,10 @@ export class RunsComparison extends EventTarget {
           continue;
         }
       }
-      const state = [truth.name, truth.frames, frameSources.length, extraction?.extracted.size];
-      const key = JSON.stringify([state, options]);
+      const asked = [content, truth, JSON.stringify(options), ...(extraction ? [frames, extraction.extracted.size] : [])];
       let score = this.#scores.get(entry);
-      if (score?.key !== key || score.content !== entry.content) {
-        score = { key, content: entry.content, ...this.#score(entry) };
+      if (!score || asked.some((value, i) => value !== score?.asked[i])) {
+        score = { asked, ...this.#score(entry) };
         this.#scores.set(entry, score);
       }
       const architecture =
@@ -223,9 +253,14 @@ export class RunsComparison extends EventTarget {
       const evaluation = scoring.evaluate({ ...options, thresholds: Object.fromEntries(thresholds) });
       return { evaluation, reason: "" };
     } catch (error) {
-      return { evaluation: null, reason: error instanceof Error ? error.message : String(error) };
+      return { evaluation: null, reason: messageOf(error) };
     } finally {
       for (const each of made) each.free();
     }
   }
+}
+
+/** @param {unknown} error */
+function messageOf(error) {
+  return error instanceof Error ? error.message : String(error);
 }

@@ -4,11 +4,14 @@
 mod runs;
 
 use std::fs;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
 use runs::{config, sweep, write_run};
 use serde_json::{Value, json};
 use tracklens_page_tests::{Page, example, tracklens};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 /// Keeps what the page saves.
 const KEEP: &str = "
@@ -212,6 +215,37 @@ async fn runs_are_sorted_and_grouped_and_kept_apart_by_data() {
         .await;
     page.until_text("they are of different objects: cube, eef, and ball")
         .await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn runs_in_an_archive_come_and_go_with_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let runs = folder.path().join("runs");
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for seed in 0..3 {
+        write_run(&runs, "basic", seed, 4);
+        for file in ["config.json", "log.jsonl", "summary.json"] {
+            let name = format!("basic/seed-{seed}/{file}");
+            zip.start_file(name, SimpleFileOptions::default())
+                .expect("an entry");
+            zip.write_all(&fs::read(runs.join(file)).expect("a file"))
+                .expect("written");
+        }
+    }
+    let archive = folder.path().join("runs.zip");
+    fs::write(&archive, zip.finish().expect("an archive").into_inner()).expect("written");
+    let page = Page::open().await;
+    page.pick(&[&archive]).await;
+    until_compared(&page, 3).await;
+    let names: Vec<String> = rows(&page, "run-table")
+        .await
+        .into_iter()
+        .map(|row| row[0].clone())
+        .collect();
+    assert_eq!(names, [0, 1, 2].map(|seed| format!("runs.zip/basic/seed-{seed}")));
+    page.click("#files [data-role=archive] .icon-button").await;
+    page.until("document.querySelector('#comparison').hidden").await;
     page.close().await;
 }
 
