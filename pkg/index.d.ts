@@ -12,9 +12,9 @@
 
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
- * is not said to be of another part), `extraction` ({@link Encoder}) and `figures`.
+ * is not said to be of another part), `extraction` ({@link Encoder}), `figures` and `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "extraction" | "figures";
+export type Part = "scoring" | "extraction" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -680,7 +680,7 @@ export interface RunsReport {
   notes: string[];
 }
 
-/** Runs side by side: trainings by their folders, and detectors that were scored. Of the part `figures`. */
+/** Runs side by side: trainings by their folders, and detectors that were scored. Of the part `comparison`. */
 export class Comparison {
   constructor();
   /** A run folder. What cannot be read is counted in `unread`, with the reason. */

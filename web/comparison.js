@@ -148,7 +148,7 @@ export class RunsComparison extends EventTarget {
     const parts = [...this.#runs.values(), ...detectors.flatMap(({ name, evaluation }) => [name, evaluation])];
     if (parts.length === 0) this.#forget();
     else if (parts.length !== this.#parts.length || parts.some((part, i) => part !== this.#parts[i])) {
-      await init(["figures"]);
+      await init(["comparison"]);
       this.#forget();
       this.#comparison = this.#gather(detectors);
       this.#parts = parts;

@@ -1,9 +1,9 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
-//! in the workers, figures once there is something to draw. Objects of one part mean nothing to another one.
+//! in the workers, figures once there is something to draw, comparison with the first runs. Objects of one part mean nothing to another one.
 
-#[cfg(feature = "web-figures")]
+#[cfg(feature = "web-comparison")]
 mod comparison;
 #[cfg(feature = "web-scoring")]
 mod containers;
@@ -19,7 +19,7 @@ mod figure;
 mod files;
 #[cfg(feature = "web-scoring")]
 mod frames;
-#[cfg(any(feature = "web-scoring", feature = "web-figures"))]
+#[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
 #[cfg(feature = "web-scoring")]
 mod scoring;
@@ -54,7 +54,12 @@ fn js_error(error: &Error) -> JsValue {
 }
 
 /// Plain JavaScript objects; `None` becomes null.
-#[cfg(any(feature = "web-scoring", feature = "web-extraction", feature = "web-figures"))]
+#[cfg(any(
+    feature = "web-scoring",
+    feature = "web-extraction",
+    feature = "web-figures",
+    feature = "web-comparison"
+))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)

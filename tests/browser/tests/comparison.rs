@@ -62,6 +62,16 @@ fn numbers(mut report: Value) -> Value {
             }
         }
     }
+    fn as_floats(value: &mut Value) {
+        match value {
+            // JavaScript writes 1 for 1.0.
+            Value::Number(number) => *value = json!(number.as_f64()),
+            Value::Array(values) => values.iter_mut().for_each(as_floats),
+            Value::Object(values) => values.values_mut().for_each(as_floats),
+            _ => {}
+        }
+    }
+    as_floats(&mut report);
     report["unread"] = json!(report["unread"].as_array().map(Vec::len));
     report
 }
