@@ -280,7 +280,7 @@ test("runs are compared by groups, and what does not count is told", () => {
   assert.ok(figures.every(({ svg, caption }) => svg.startsWith("<svg") && caption.length > 0));
   assert.match(compared.toHtml(), /^<!DOCTYPE html>[^]*no space left on the disk/);
   assert.match(compared.toMarkdown(), /\| basic \|/);
-  assert.equal(compared.runsCsv().trim().split("\n").length, 1 + 9);
+  assert.equal(compared.runsCsv().trim().split("\n").length, 1 + 8 + 2);
   assert.equal(compared.errorsCsv().trim().split("\n").length, 1 + 2);
 
   comparison.addRun("long", training("basic", 5, 0.001, 6));
