@@ -7,6 +7,7 @@ import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
 import { blobOf, bytesOf, mapBounded, readError } from "./files.js";
 import { count } from "./format.js";
+import { splitRuns } from "./runs.js";
 
 /**
  * @typedef {import("./files.js").Source} Source
@@ -43,7 +44,7 @@ import { count } from "./format.js";
  * @property {string} error why it cannot be used at all
  * @property {string[]} problems what of it cannot be used
  *
- * @typedef {{ images: Source[], entries: Entry[], containers: Container[] }} Found
+ * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string, import("./runs.js").RunFolder> }} Found
  */
 
 const READERS = 8;
@@ -52,6 +53,8 @@ const HEAD_BYTES = 4096;
 /** Archives around an archive. */
 const MAX_DEPTH = 2;
 const NOTHING = new Uint8Array();
+/** @type {Readonly<Found>} */
+const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map() };
 
 /**
  * Says what files are, and what is in those that hold others.
@@ -61,10 +64,11 @@ const NOTHING = new Uint8Array();
  * @returns {Promise<Found>}
  */
 export async function identify(sources, onProgress, depth = 0) {
+  const { runs, rest } = splitRuns(sources);
   /** @type {Found} */
-  const found = { images: [], entries: [], containers: [] };
+  const found = { images: [], entries: [], containers: [], runs };
   const others = [];
-  for (const source of sources) {
+  for (const source of rest) {
     // Images are told by their names: most of the files are images, and none is opened for it.
     if (classify(source.path, NOTHING).role === "image") found.images.push(source);
     else others.push(source);
@@ -75,10 +79,11 @@ export async function identify(sources, onProgress, depth = 0) {
     onProgress(++done, sources.length);
     return part;
   });
-  for (const { images, entries, containers } of parts) {
+  for (const { images, entries, containers, runs } of parts) {
     for (const image of images) found.images.push(image);
     found.entries.push(...entries);
     found.containers.push(...containers);
+    for (const [name, run] of runs) found.runs.set(name, run);
   }
   return found;
 }
@@ -123,7 +128,7 @@ async function inArchive(archive, depth) {
   /** @type {Container} */
   const container = { path: archive.path, folder: archive.path, kind: "archive", contents: "", error: "", problems: [] };
   /** @type {Found} */
-  let found = { images: [], entries: [], containers: [] };
+  let found = { ...NOTHING_FOUND };
   try {
     if (depth > MAX_DEPTH) {
       throw new Error(`${archive.path} lies in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack the outer one`);
@@ -156,10 +161,10 @@ async function inRecording(recording, reason) {
       entries.push({ ...points, arrays });
       container.contents += " and points";
     } else arrays.free();
-    return { images: frames, entries, containers: [container] };
+    return { ...NOTHING_FOUND, images: frames, entries, containers: [container] };
   } catch (error) {
     container.error = readError(error, recording.path);
-    return { images: [], entries: [], containers: [container] };
+    return { ...NOTHING_FOUND, containers: [container] };
   }
 }
 
@@ -172,9 +177,9 @@ async function inVideo(video) {
   const container = { path: video.path, folder: folderOf(video.path), kind: "video", contents: "", error: "", problems: [] };
   try {
     const { frames, contents } = await openVideo(video);
-    return { images: frames, entries: [], containers: [{ ...container, contents }] };
+    return { ...NOTHING_FOUND, images: frames, containers: [{ ...container, contents }] };
   } catch (error) {
-    return { images: [], entries: [], containers: [{ ...container, error: readError(error, video.path) }] };
+    return { ...NOTHING_FOUND, containers: [{ ...container, error: readError(error, video.path) }] };
   }
 }
 
@@ -183,7 +188,7 @@ async function inVideo(video) {
  * @returns {Found}
  */
 function only(entry) {
-  return { images: [], entries: [entry], containers: [] };
+  return { ...NOTHING_FOUND, entries: [entry] };
 }
 
 /**

@@ -63,6 +63,8 @@ export class Session extends EventTarget {
   images = new Map();
   /** The files that held others. @type {Container[]} */
   containers = [];
+  /** Folders of runs by path. @type {Map<string, import("./runs.js").RunFolder>} */
+  runs = new Map();
   /** @type {Map<string, Problem>} */
   problems = new Map();
   /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
@@ -158,6 +160,7 @@ export class Session extends EventTarget {
         for (const image of this.#emptied(container)) replaced.set(image.path, image);
         this.containers.push(container);
       }
+      for (const [path, run] of found.runs) this.runs.set(path, run);
       /** @type {Set<string>} */
       const taken = new Set();
       const repeated = [];
@@ -184,7 +187,7 @@ export class Session extends EventTarget {
       this.#tellRepeated(repeated);
       this.#tellReplaced(replaced);
       const useless = found.entries.every(({ role, error }) => role === "unknown" && error === "");
-      if (found.images.length === 0 && useless && found.containers.every(({ error }) => error === "")) {
+      if (found.images.length + found.runs.size === 0 && useless && found.containers.every(({ error }) => error === "")) {
         const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
         this.#report(
           "nothing",
@@ -274,6 +277,11 @@ export class Session extends EventTarget {
     });
   }
 
+  /** Removes the folders of runs. */
+  removeRuns() {
+    return this.#change(async () => this.runs.clear());
+  }
+
   /**
    * Removes the images of a sequence.
    * @param {SequenceRange} sequence of `frames`
@@ -309,6 +317,7 @@ export class Session extends EventTarget {
     this.entries = [];
     this.images = new Map();
     this.containers = [];
+    this.runs = new Map();
     this.frameSize = undefined;
     this.problems = new Map();
     this.origin = null;
@@ -764,6 +773,7 @@ export class Session extends EventTarget {
     const isInside = insideOf(container);
     const images = this.containers.some(({ path }) => path === container.path) ? [...this.images.values()].filter(isInside) : [];
     for (const image of images) this.#dropImage(image.path);
+    for (const path of this.runs.keys()) if (isInside({ path })) this.runs.delete(path);
     this.containers = this.containers.filter((other) => !isInside(other));
     return images;
   }
@@ -918,26 +928,16 @@ export class Session extends EventTarget {
     }
     const { extraction, encoder } = this;
     if (!this.frames || !all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
-    const good = Array.from(this.frameSources.keys()).filter((i) => extraction.extracted.has(this.frameSources[i].path));
-    if (good.length === 0) {
+    const found = extraction.collect(this.frames, this.frameSources);
+    if (!found) {
       const [first] = extraction.failures.values();
       this.#report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
       return null;
     }
-    let kept = all;
-    if (good.length < all.sources.length) {
-      const frames = this.frames.select(Uint32Array.from(good));
-      this.#derived.push(frames);
-      kept = { frames, sources: good.map((i) => this.frameSources[i]) };
-    }
-    const keypoints = encoder.info.keypoints;
-    const points = new Float64Array(kept.sources.length * keypoints * 2);
-    for (const [i, { path }] of kept.sources.entries()) {
-      points.set(extraction.extracted.get(path)?.points ?? [], i * keypoints * 2);
-    }
-    this.table = KeypointTable.fromExtraction(kept.frames, points, keypoints);
+    if (found.selected) this.#derived.push(found.selected);
+    this.table = found.table;
     this.#derived.push(this.table);
-    return kept;
+    return { frames: found.selected ?? this.frames, sources: found.sources };
   }
 
   /**
