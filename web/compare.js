@@ -101,7 +101,7 @@ function settings(comparison) {
     .../** @type {[string, string][]} */ (set.settings.map((name) => [name, `Setting: ${name}`])),
   ];
   const describe = (/** @type {RunDataSet} */ { trained, runs, objects }) =>
-    `${count(runs.length, trained ? "training" : "detector on the frames here", trained ? "trainings" : "detectors on the frames here")} (${objects.join(", ")})`;
+    `${count(runs.length, trained ? "training" : "scored detector", trained ? "trainings" : "scored detectors")} (${objects.join(", ")})`;
   return h(
     "div",
     { class: "settings" },
@@ -124,7 +124,7 @@ function settings(comparison) {
  * @param {RunsReport | null} report
  */
 function notices(comparison, set, report) {
-  const { dataSets, error, pending, unscored } = comparison;
+  const { dataSets, doubts, error, pending, unscored } = comparison;
   const more = dataSets.slice(1).map(({ reason }) => reason);
   return [
     dataSets.length > 1 &&
@@ -136,7 +136,15 @@ function notices(comparison, set, report) {
       }),
     ...unscored.map(({ name, reason }) => notice("warning", `${name} cannot be scored: ${reason}`)),
     ...(report?.notes ?? []).map((note) => notice("warning", `${note}.`)),
-    set && !set.trained && notice("info", "These detectors are scored on the frames here, with the map and the thresholds set above."),
+    ...doubts.map((text) => notice("warning", `${text}.`)),
+    set &&
+      !set.trained &&
+      notice(
+        "info",
+        comparison.saved > 0
+          ? "Saved evaluations count with the errors they were saved with; what is scored here, with the map set above."
+          : "These detectors are scored on the frames here, with the map and the thresholds set above.",
+      ),
   ].filter(Boolean);
 }
 

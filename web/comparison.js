@@ -1,17 +1,19 @@
 // @ts-check
 /**
- * Runs side by side: folders of runs that were dropped, and the detectors of the session that are scored on the same
- * frames. Says `change` when there is something else to compare.
+ * Runs side by side: folders of runs that were dropped, the detectors of the session that are scored on the same
+ * frames, and evaluations that were saved. Says `change` when there is something else to compare.
  */
 
 import init, { Comparison, Scoring } from "./pkg/index.js";
 import { bytesOf, mapBounded, readError } from "./files.js";
+import { count, significant } from "./format.js";
 
 /**
  * @typedef {import("./session.js").Session} Session
  * @typedef {import("./intake.js").Entry} Entry
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./runs.js").RunFolder} RunFolder
+ * @typedef {import("./saved.js").SavedEvaluation} SavedEvaluation
  * @typedef {import("./pkg/index.js").Compared} Compared
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").RunDataSet} RunDataSet
@@ -35,6 +37,8 @@ export class RunsComparison extends EventTarget {
   unscored = [];
   /** The runs of the data set on display; `null` when none of them is complete. @type {Compared | null} */
   compared = null;
+  /** What the errors of saved evaluations have not in common. @type {string[]} */
+  doubts = [];
   /** Why nothing is compared. */
   error = "";
   options = { dataSet: 0, groupBy: "settings" };
@@ -68,6 +72,15 @@ export class RunsComparison extends EventTarget {
         if (topic !== "extraction" || session.extraction?.status !== "running") this.#schedule();
       });
     }
+  }
+
+  /** The number of saved evaluations. */
+  get saved() {
+    return this.#saved.length;
+  }
+
+  get #saved() {
+    return this.#session.entries.filter(({ content, role }) => content !== null && role === "result");
   }
 
   /** The number of run folders. */
@@ -159,7 +172,7 @@ export class RunsComparison extends EventTarget {
     this.options.dataSet = this.dataSets.indexOf(set);
     const known = ["settings", "architecture", "name", ...set.settings];
     if (!known.includes(this.options.groupBy)) this.options.groupBy = "settings";
-    const given = Object.entries(this.#session.options.thresholds ?? {});
+    const given = Object.entries(this.#thresholds());
     const thresholds = Object.fromEntries(given.filter(([object]) => set.objects.includes(object)));
     const before = this.compared;
     this.compared = null;
@@ -195,19 +208,49 @@ export class RunsComparison extends EventTarget {
     this.unread = [];
   }
 
-  /** The detectors of the session that have keypoints of the frames, scored as the session scores. */
+  /** The thresholds that count: those in force here, otherwise those of the saved evaluation on display. */
+  #thresholds() {
+    const { scoring, options, saved } = this.#session;
+    if (scoring || !saved) return options.thresholds ?? {};
+    return Object.fromEntries(saved.evaluation.objects.map(({ name, threshold }) => [name, threshold]));
+  }
+
+  /**
+   * What saved evaluations differ in, so that their errors say less about the detectors.
+   * @param {Detector[]} detectors
+   */
+  #doubt(detectors) {
+    const differing = (/** @type {string} */ what, /** @type {(evaluation: Evaluation) => string} */ of) => {
+      const values = new Set(detectors.map(({ evaluation }) => of(evaluation)));
+      return values.size > 1 ? [`${what}: ${[...values].join(", ")}`] : [];
+    };
+    const names = new Set(detectors.flatMap(({ evaluation }) => evaluation.objects.map(({ name }) => name)));
+    const threshold = (/** @type {string} */ name) => (/** @type {Evaluation} */ { objects }) =>
+      significant(objects.find((object) => object.name === name)?.threshold);
+    return [
+      ...differing("These evaluations are of different numbers of frames", ({ frames }) => count(frames, "frame")),
+      ...differing("These evaluations differ in their rank rule", ({ rank }) => rank),
+      ...[...names].flatMap((name) =>
+        differing(`These evaluations were saved with different thresholds for ${name}, of which one counts for all here`, threshold(name)),
+      ),
+    ];
+  }
+
+  /** The detectors of the session that have keypoints of the frames, scored as the session scores, and saved evaluations. */
   #detectors() {
     const { truth, frames, frameSources, entries, options } = this.#session;
     this.pending = [];
     this.unscored = [];
+    this.doubts = [];
     /** @type {Detector[]} */
     const detectors = [];
     for (const entry of this.#scores.keys()) if (!entries.includes(entry)) this.#scores.delete(entry);
     const isDetector = (/** @type {Entry} */ { content, role }) =>
       content !== null && (role === "keypoints" || role === "checkpoint");
-    const candidates = entries.filter(isDetector);
+    const candidates = truth ? entries.filter(isDetector) : [];
+    const saved = this.#saved;
     // One detector is no comparison: the page shows its score anyway.
-    if (!truth || candidates.length < 2) return detectors;
+    if (candidates.length + saved.length < 2) return detectors;
     for (const entry of candidates) {
       const { content, extraction } = entry;
       if (entry.role === "checkpoint") {
@@ -228,6 +271,10 @@ export class RunsComparison extends EventTarget {
       if (score.evaluation) detectors.push({ name: entry.path, evaluation: score.evaluation, architecture });
       else this.unscored.push({ name: entry.path, reason: score.reason });
     }
+    for (const { path, content } of saved) {
+      detectors.push({ name: path, evaluation: /** @type {SavedEvaluation} */ (content).evaluation });
+    }
+    if (saved.length > 0) this.doubts = this.#doubt(detectors);
     return detectors;
   }
 

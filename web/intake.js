@@ -14,7 +14,7 @@ import { splitRuns } from "./runs.js";
  * @typedef {import("./pkg/index.js").Arrays} Arrays
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./pkg/index.js").TableOptions} TableOptions
- * @typedef {"ground-truth" | "checkpoint" | "keypoints"} Slot what of each there is used one
+ * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot what of each there is used one
  *
  * A file that is no image.
  * @typedef {object} Entry
@@ -30,7 +30,7 @@ import { splitRuns } from "./runs.js";
  * @property {"new" | "used" | "spare" | "broken" | "unknown"} state new: not parsed yet
  * @property {boolean} wanted whether it takes the place of another one of its kind once it is parsed
  * @property {[number, number] | undefined} imageSize with which it was parsed
- * @property {GroundTruthTable | OpenEncoder | KeypointTable | null} content
+ * @property {GroundTruthTable | OpenEncoder | KeypointTable | import("./saved.js").SavedEvaluation | null} content
  * @property {string} error why it is broken
  * @property {string[]} notices
  * @property {import("./extraction.js").Extraction | null} extraction of a checkpoint
@@ -107,7 +107,6 @@ async function open(source, depth) {
       case "video":
         return await inVideo(unpacked);
       case "image":
-      case "result":
         return only(entryOf(source, "unknown", reason, false));
       default:
         // What is not used need not be kept unpacked.

@@ -10,7 +10,8 @@ import { Extraction } from "./extraction.js";
 import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
 import { decodeImage } from "./image-cache.js";
-import { identify, needsParsing, parseTable } from "./intake.js";
+import { identify, isTable, needsParsing, parseTable } from "./intake.js";
+import { SavedEvaluation } from "./saved.js";
 import { load, store } from "./settings.js";
 
 /**
@@ -47,11 +48,12 @@ const KEPT_SERIES = 8;
 /** What stays said until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced"];
 
-/** @type {[Slot, string][]} */
+/** What there is one used of; of results any number, since they are compared. @type {[Slot, string | null][]} */
 const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
   ["keypoints", "keypoint tables"],
+  ["result", null],
 ];
 
 export class Session extends EventTarget {
@@ -85,6 +87,8 @@ export class Session extends EventTarget {
   scoring = null;
   /** @type {Evaluation | null} */
   evaluation = null;
+  /** The file that `evaluation` was read from, when nothing is scored. @type {Entry | null} */
+  savedIn = null;
   /** Thresholds nobody edited, by object. @type {Record<string, number>} */
   defaultThresholds = {};
   /** @type {ScoreOptions} */
@@ -192,9 +196,9 @@ export class Session extends EventTarget {
         this.#report(
           "nothing",
           "error",
-          `${what}${sources.length === 1 ? " not" : ""} an image, a table or a checkpoint. Expected PNG, JPEG or WebP ` +
+          `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
             "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
-            "(.safetensors, .pth or .bpk), or a .zip archive of these.",
+            "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
         );
       }
     });
@@ -356,6 +360,11 @@ export class Session extends EventTarget {
     return /** @type {GroundTruthTable | null} */ (this.used("ground-truth")?.content ?? null);
   }
 
+  /** The evaluation that was saved and is on display. @returns {SavedEvaluation | null} */
+  get saved() {
+    return /** @type {SavedEvaluation | null} */ (this.savedIn?.content ?? null);
+  }
+
   /** @returns {OpenEncoder | null} */
   get encoder() {
     return /** @type {OpenEncoder | null} */ (this.used("checkpoint")?.content ?? null);
@@ -366,6 +375,9 @@ export class Session extends EventTarget {
    * @returns {{ label: string, met: boolean }[]}
    */
   get needs() {
+    const parts = [this.truth, this.frames, this.encoder, this.used("keypoints")];
+    // A saved evaluation is a score.
+    if (this.used("result") && parts.every((part) => part === null)) return [];
     const truth = { label: "ground truth", met: this.truth !== null };
     if (this.used("keypoints")) return [{ label: "keypoints", met: true }, truth];
     const images = { label: "image sequences", met: this.frames !== null };
@@ -451,11 +463,9 @@ export class Session extends EventTarget {
     const truth = this.used("ground-truth");
     const table = this.used("keypoints");
     const keypoints = table?.path;
-    const read = [...readingWords(truth?.options, "--"), ...readingWords(table?.options, "--keypoints-")];
-    const axes = truth?.options.axisOrder ?? table?.options.axisOrder;
     const inputs = {
       truth: truth?.path ?? "ground_truth.csv",
-      options: axes ? [...read, "--axis-order", axes] : read,
+      options: [...readingWords(truth, "--"), ...(table ? readingWords(table, "--keypoints-", truth) : [])],
       ...(keypoints
         ? { keypoints }
         : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
@@ -549,21 +559,36 @@ export class Session extends EventTarget {
    * @param {number} keypoint
    */
   errorsBySequence(object, keypoint) {
-    return this.scoring?.sequenceErrors(object, keypoint, this.#mapOptions()) ?? [];
+    if (!this.scoring) return this.saved?.errorsBySequence(object, keypoint) ?? [];
+    return this.scoring.sequenceErrors(object, keypoint, this.#mapOptions());
   }
 
   /**
-   * The joined frames in which an object is furthest from a keypoint under its map (squared distance, ndc).
+   * The frames in which an object is furthest from a keypoint under its map (squared distance, ndc), with their positions
+   * among the joined ones; of a saved evaluation the worst one of each sequence, at no position (-1).
    * @param {number} object
    * @param {number} keypoint
    * @param {number} most
+   * @returns {{ position: number, sequence: string, frame: number, distance: number }[]}
    */
   worstFrames(object, keypoint, most) {
-    const distances = this.scoring?.distances(object, keypoint, this.#mapOptions()) ?? new Float64Array();
-    const visible = Array.from(distances, (distance, frame) => ({ frame, distance })).filter(
+    const { scoring } = this;
+    if (!scoring) {
+      const worst = this.errorsBySequence(object, keypoint).map(({ sequence, worst: position, worstFrame: frame, worstError: distance }) => ({
+        ...{ position, sequence, frame, distance },
+      }));
+      return worst.sort((a, b) => b.distance - a.distance).slice(0, most);
+    }
+    const distances = scoring.distances(object, keypoint, this.#mapOptions());
+    const visible = Array.from(distances, (distance, position) => ({ position, distance })).filter(
       ({ distance }) => !Number.isNaN(distance),
     );
-    return visible.sort((a, b) => b.distance - a.distance).slice(0, most);
+    const worst = visible.sort((a, b) => b.distance - a.distance).slice(0, most);
+    return worst.map(({ position, distance }) => ({
+      ...{ position, distance },
+      sequence: this.sequenceOf(position)?.name ?? "",
+      frame: this.frameNumbers[position],
+    }));
   }
 
   /** Width and height of the images, when it is known and the same for all. */
@@ -693,6 +718,8 @@ export class Session extends EventTarget {
         const encoder = await this.#extractor.open({ path, blob: await blobOf(source) });
         entry.content = encoder;
         entry.extraction = new Extraction(encoder);
+      } else if (role === "result") {
+        entry.content = await SavedEvaluation.parse(source);
       } else {
         const table = await parseTable(entry, this.frameSize);
         entry.content = table;
@@ -875,7 +902,7 @@ export class Session extends EventTarget {
   /**
    * Decides which file of a kind is used: the one the user said, or the first.
    * @param {Slot} role
-   * @param {string} many
+   * @param {string | null} many what to call them where only one of them can be of use
    */
   #assign(role, many) {
     const candidates = this.entries.filter((entry) => entry.role === role && entry.content);
@@ -883,7 +910,7 @@ export class Session extends EventTarget {
     const used = candidates.find(({ state }) => state === "used") ?? candidates[0];
     used.state = "used";
     const spare = candidates.find((entry) => entry !== used);
-    if (!spare) return;
+    if (!spare || many === null) return;
     const all = names(candidates.map(({ path }) => path));
     const text = `There are ${candidates.length} ${many}: ${all}. Only one can be used: ${used.path} is.`;
     if (this.#dismissed.has(text)) return;
@@ -910,6 +937,7 @@ export class Session extends EventTarget {
     const index = this.#keypoints();
     if (this.table && this.truth) await this.#score(index, alive);
     if (!alive()) return;
+    if (!this.scoring) this.#showSaved();
     this.#emit("scoring");
     this.#emit("extraction");
     if (!this.table && this.join && !this.#paused && this.extraction?.status !== "failed") void this.#run();
@@ -977,6 +1005,20 @@ export class Session extends EventTarget {
     };
     this.#evaluate();
     this.#remind();
+  }
+
+  /** Shows an evaluation that was saved, unless a score is about to come. */
+  #showSaved() {
+    const entry = this.used("result");
+    const { extraction } = this;
+    const isComing = this.join !== null && extraction !== null && !this.#paused && extraction.status !== "failed";
+    if (!entry || isComing) return;
+    const { evaluation } = /** @type {SavedEvaluation} */ (entry.content);
+    this.savedIn = entry;
+    this.evaluation = evaluation;
+    this.objects = evaluation.objects.map(({ name }) => name);
+    this.selection = { object: Math.min(this.selection.object, this.objects.length - 1), frame: 0 };
+    this.#emit("evaluation");
   }
 
   /**
@@ -1094,6 +1136,7 @@ export class Session extends EventTarget {
     this.table = null;
     this.scoring = null;
     this.evaluation = null;
+    this.savedIn = null;
     this.intervals = null;
     this.objects = [];
     this.sequences = [];
@@ -1164,13 +1207,19 @@ function insideOf({ path, folder }) {
 
 /**
  * What the user said of a table's numbers, in words of the terminal.
- * @param {import("./pkg/index.js").TableOptions | undefined} options
+ * @param {Entry | null} entry
  * @param {string} prefix
+ * @param {Entry | null} [other] the table whose axis order holds for this one, too, in the terminal
  */
-function readingWords(options, prefix) {
-  const { space, indexBase } = options ?? {};
+function readingWords(entry, prefix, other) {
+  const { space, axisOrder, indexBase } = entry?.options ?? {};
+  const content = entry?.content ?? null;
+  const reading = isTable(content) ? content.reading : null;
+  const own = reading?.axisOrder.value;
+  const axes = axisOrder ?? (other?.options.axisOrder === own ? undefined : other?.options.axisOrder && own);
   return [
     ...(space ? [`${prefix}space`, space] : []),
+    ...(axes ? [`${prefix}axis-order`, axes] : []),
     ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
   ];
 }

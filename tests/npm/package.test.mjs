@@ -311,6 +311,12 @@ test("detectors that were scored are runs of their own data set", async () => {
   const { report } = comparison.compare({ dataSet: 1 });
   const errors = evaluation.objects.map(({ error }) => error);
   assert.deepEqual(report.groups.map(({ runs }) => runs[0].errors), [errors, errors]);
+
+  // Under another map errors are not the same thing.
+  const apart = new tracklens.Comparison();
+  apart.addEvaluation("a.json", evaluation);
+  apart.addEvaluation("b.json", { ...evaluation, transform: "identity" });
+  assert.match(apart.dataSets[1].reason, /a\.json and b\.json: one is scored under the map `affine`, the other under `identity`/);
 });
 
 test("what the numbers of a table are taken for is told with its ground", () => {

@@ -4,10 +4,10 @@
 mod runs;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Browser, Page, in_every_browser, site};
+use tracklens_page_tests::{Browser, Page, example, in_every_browser, site, tracklens};
 
 in_every_browser! {
     no_state_of_the_page_has_a_barrier
@@ -58,6 +58,29 @@ async fn has_no_barrier(page: &Page, state: &str) {
     assert!(found.is_empty(), "{state}:\n{}", found.join("\n"));
 }
 
+/// Writes an evaluation of the example with everything there is.
+fn save(file: &Path) {
+    let [checkpoint, frames, truth] = ["checkpoint.safetensors", "frames", "ground_truth.csv"]
+        .map(|name| example(name).to_string_lossy().into_owned());
+    let printed = tracklens(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &truth,
+        "--sequences",
+        "--context",
+        "--folds",
+        "4",
+        "--bootstrap",
+        "50",
+        "--json",
+    ]);
+    fs::write(file, printed).expect("written");
+}
+
 async fn in_scheme(page: &Page, scheme: &str) {
     // Without motion, or axe sees colours on their way from one scheme to the other.
     let features = json!({ "features": [
@@ -105,6 +128,17 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     check("errors").await;
 
     page.click("#start-over").await;
+    let saved = ["ours.json", "theirs.json"].map(|name| folder.path().join(name));
+    saved.iter().for_each(|file| save(file));
+    page.pick(&[&saved[0], &saved[1]]).await;
+    page.until_scored().await;
+    page.until("document.querySelector('#comparison').dataset.complete === '2'")
+        .await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    check("saved evaluations").await;
+
+    page.click("#start-over").await;
     runs::sweep(&folder.path().join("runs"));
     page.pick_folder(&folder.path().join("runs")).await;
     page.until("document.querySelector('#comparison').dataset.complete === '10'")
@@ -131,6 +165,15 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
         .await;
     fits("empty on a phone").await;
+    let kept = tempfile::tempdir().expect("a folder");
+    let saved = kept.path().join("evaluation.json");
+    save(&saved);
+    page.pick(&[&saved]).await;
+    page.until_scored().await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    fits("a saved evaluation on a phone").await;
+    page.click("#start-over").await;
     page.click("#try-example").await;
     page.until_scored().await;
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
