@@ -5,6 +5,7 @@
  */
 
 import init, { Comparison, Scoring } from "./pkg/index.js";
+import { messageOf } from "./errors.js";
 import { bytesOf, mapBounded, readError } from "./files.js";
 import { count, significant } from "./format.js";
 
@@ -305,9 +306,4 @@ export class RunsComparison extends EventTarget {
       for (const each of made) each.free();
     }
   }
-}
-
-/** @param {unknown} error */
-function messageOf(error) {
-  return error instanceof Error ? error.message : String(error);
 }
