@@ -12,9 +12,9 @@
 
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
- * is not said to be of another part), `extraction` ({@link Encoder}) and `figures`.
+ * is not said to be of another part), `extraction` ({@link Encoder}), `figures` and `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "extraction" | "figures";
+export type Part = "scoring" | "extraction" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -577,3 +577,135 @@ export interface PlotArea {
 export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): PlotArea;
 /** The same figure as an SVG document. */
 export function linesToSvg(figure: LineFigure, width: number, height: number): string;
+
+/** The files of a run folder that `tracklens train` or `tracklens sweep` wrote, as far as they are there. */
+export interface RunFiles {
+  /** `config.json` */
+  config?: Uint8Array;
+  /** `log.jsonl` */
+  log?: Uint8Array;
+  /** `summary.json` */
+  summary?: Uint8Array;
+  /** `error.txt`: why the last attempt of a sweep failed. */
+  error?: Uint8Array;
+}
+
+/** Runs whose errors can be compared. */
+export interface RunDataSet {
+  /** Two runs, and why they are not of one data set; `null` for the first. */
+  reason: string | null;
+  objects: string[];
+  /** Whether they are trainings, scored on their validation sequences. */
+  trained: boolean;
+  /** Settings in which they differ, for `groupBy`. */
+  settings: string[];
+  /** `incomplete` says why a run does not count. */
+  runs: { name: string; architecture: string; seed: number | null; epochs: number; incomplete: string | null }[];
+}
+
+/** How to compare runs. */
+export interface CompareOptions {
+  /** Position in {@link Comparison.dataSets}; default 0. */
+  dataSet?: number;
+  /** By object name; objects left out keep their default. */
+  thresholds?: Record<string, number>;
+  /** What the runs of a group have in common: `settings` (all but the seed; default), `architecture`, `name`, or a setting. */
+  groupBy?: string;
+  /** Draws of the runs for the intervals; default 2000. */
+  resamples?: number;
+  /** Seeds the draws; default 0. */
+  seed?: number;
+}
+
+/** A figure as SVG document. */
+export interface Figure {
+  /** A name for its file, without the ending. */
+  name: string;
+  caption: string;
+  svg: string;
+}
+
+/** One object of a {@link RunGroup}; numbers are `null` without a run in which it is visible. */
+export interface RunGroupObject {
+  name: string;
+  threshold: number;
+  /** Runs in which it was visible. */
+  count: number;
+  /** The share of runs that track it. */
+  tc: number | null;
+  tc_interval: [number, number] | null;
+  mean: number | null;
+  variance: number | null;
+  /** Minimum, lower quartile, median, upper quartile, maximum. */
+  quartiles: [number, number, number, number, number] | null;
+  iqm_trimmed: number | null;
+  iqm_window: number | null;
+  iqm_interval: [number, number] | null;
+}
+
+/** One group of a {@link RunsReport}. */
+export interface RunGroup {
+  name: string;
+  /** Complete runs; all numbers are over these. */
+  complete: number;
+  incomplete: { name: string; seed: number | null; epochs: number; reason: string }[];
+  epochs: number;
+  input: string | null;
+  tc: number | null;
+  tc_interval: [number, number] | null;
+  objects: RunGroupObject[];
+  runs: {
+    name: string;
+    architecture: string;
+    seed: number | null;
+    epochs: number;
+    tc: number;
+    /** In the order of the objects. */
+    errors: (number | null)[];
+    reconstruction: number | null;
+  }[];
+}
+
+/** The numbers of many runs, as `report.json` of `tracklens report`. */
+export interface RunsReport {
+  schema: "tracklens/report/1";
+  version: string;
+  /** What the intervals are. */
+  intervals: string;
+  groups: RunGroup[];
+  /** How probable it is that a run of `group` has a lower error than one of `over`. */
+  improvement: { object: string; group: string; over: string; probability: number }[];
+  /** Folders that cannot be read. */
+  unread: { name: string; reason: string }[];
+  notes: string[];
+}
+
+/** Runs side by side: trainings by their folders, and detectors that were scored. Of the part `comparison`. */
+export class Comparison {
+  constructor();
+  /** A run folder. What cannot be read is counted in `unread`, with the reason. */
+  addRun(name: string, files: RunFiles): void;
+  /** A scored detector; without an architecture it is called what its name begins with (`mine` of `mine_seed3.csv`). */
+  addEvaluation(name: string, evaluation: Evaluation, architecture?: string): void;
+  readonly dataSets: RunDataSet[];
+  readonly unread: { name: string; reason: string }[];
+  /** Throws when no run of the data set is complete. */
+  compare(options?: CompareOptions): Compared;
+  free(): void;
+}
+
+/** What {@link Comparison.compare} gives. */
+export class Compared {
+  private constructor();
+  readonly report: RunsReport;
+  /** Box plots, stacked capabilities, performance profiles, and curves of what has epochs. */
+  readonly figures: Figure[];
+  /** One self-contained document. */
+  toHtml(): string;
+  toMarkdown(): string;
+  /** A line a run. */
+  runsCsv(): string;
+  /** A line a group and object. */
+  errorsCsv(): string;
+  free(): void;
+}

@@ -11,3 +11,4 @@ export default initBy(compile);
 export * from "./tracklens_scoring.js";
 export * from "./tracklens_extraction.js";
 export * from "./tracklens_figures.js";
+export * from "./tracklens_comparison.js";

@@ -1,9 +1,10 @@
 // The parts of the package, each a WebAssembly file of its own that is loaded once, when it is asked for.
+import comparison from "./tracklens_comparison.js";
 import extraction from "./tracklens_extraction.js";
 import figures from "./tracklens_figures.js";
 import scoring from "./tracklens_scoring.js";
 
-const LOADERS = { scoring, extraction, figures };
+const LOADERS = { scoring, extraction, figures, comparison };
 
 /** The WebAssembly file of a part. */
 export function wasmOf(part) {

@@ -313,6 +313,9 @@ fn tables_are_recognised() {
     assert_eq!(role("labels.csv", &labels(true)), Role::GroundTruth);
     assert_eq!(role("person_keypoints.json", &coco()), Role::GroundTruth);
     assert_eq!(role("package.json", "{\"name\": 1}"), Role::Unknown);
+    let schema = |name: &str| format!("{{\"schema\": \"tracklens/{name}\"}}");
+    assert_eq!(role("result.json", &schema("evaluation/9")), Role::Result);
+    assert_eq!(role("report.json", &schema("report/1")), Role::Unknown);
     assert_eq!(role("other.csv", "time,temperature\n0,1\n"), Role::Unknown);
 }
 

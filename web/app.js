@@ -2,6 +2,8 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
+import { showComparison } from "./compare.js";
+import { RunsComparison } from "./comparison.js";
 import { DeviceExtractor } from "./device-extractor.js";
 import { showDevices } from "./device-view.js";
 import { announce, byId } from "./dom.js";
@@ -27,6 +29,7 @@ export function start() {
   showDevices(session, devices);
   showResults(session);
   showViewer(session);
+  showComparison(new RunsComparison(session));
   takeFiles(session);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;

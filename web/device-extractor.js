@@ -7,6 +7,7 @@
  * goes on from the frame the GPU has come to.
  */
 
+import { messageOf } from "./errors.js";
 import { fixed, significant } from "./format.js";
 import { GpuWorker, findAdapter } from "./gpu.js";
 
@@ -427,11 +428,6 @@ function differenceOf(a, b) {
 /** @param {number} ms */
 function pause(ms) {
   return new Promise((resolve) => setTimeout(resolve, ms));
-}
-
-/** @param {unknown} error */
-function messageOf(error) {
-  return error instanceof Error ? error.message : String(error);
 }
 
 function recall() {

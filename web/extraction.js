@@ -1,8 +1,11 @@
 // @ts-check
 /** The keypoints of frames under one checkpoint: those that are there, and the run that makes the others. */
 
+import { KeypointTable } from "./pkg/index.js";
+
 /**
  * @typedef {import("./files.js").Source} Source
+ * @typedef {import("./pkg/index.js").FrameIndex} FrameIndex
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {"idle" | "running" | "cancelled" | "failed"} Status
@@ -75,6 +78,25 @@ export class Extraction {
       this.error = error instanceof Error ? error.message : String(error);
       return false;
     }
+  }
+
+  /**
+   * The keypoints as a table; `null` when no frame has any. `selected` is made when some have none, and to be freed too.
+   * @param {FrameIndex} frames
+   * @param {Source[]} sources the images of `frames`, in their order
+   * @returns {{ table: KeypointTable, selected: FrameIndex | null, sources: Source[] } | null}
+   */
+  collect(frames, sources) {
+    const good = Array.from(sources.keys()).filter((i) => this.extracted.has(sources[i].path));
+    if (good.length === 0) return null;
+    const selected = good.length < sources.length ? frames.select(Uint32Array.from(good)) : null;
+    const kept = good.map((i) => sources[i]);
+    const { keypoints } = this.#encoder.info;
+    const points = new Float64Array(kept.length * keypoints * 2);
+    for (const [i, { path }] of kept.entries()) {
+      points.set(this.extracted.get(path)?.points ?? [], i * keypoints * 2);
+    }
+    return { table: KeypointTable.fromExtraction(selected ?? frames, points, keypoints), selected, sources: kept };
   }
 
   /**

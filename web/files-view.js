@@ -3,8 +3,9 @@
 
 import { GroundTruthTable, KeypointTable } from "./pkg/index.js";
 import { announce, byId, fill, h, icon, notice, prose } from "./dom.js";
-import { baseName, count, integer, names } from "./format.js";
+import { baseName, count, fixed, integer, names } from "./format.js";
 import { isTable } from "./intake.js";
+import { SavedEvaluation } from "./saved.js";
 import { virtualList } from "./virtual-list.js";
 
 /**
@@ -25,6 +26,7 @@ const ROLES = {
   "ground-truth": { title: "Ground truth", icon: "icon-table" },
   keypoints: { title: "Keypoints", icon: "icon-table" },
   checkpoint: { title: "Checkpoint", icon: "icon-checkpoint" },
+  result: { title: "Saved evaluation", icon: "icon-file" },
   unknown: { title: "Not used", icon: "icon-file" },
 };
 
@@ -181,7 +183,9 @@ function noticeList(texts) {
  */
 function entryItem(session, entry) {
   const role = ROLES[entry.role];
-  const title = entry.state === "spare" ? `${role.title}, not used` : role.title;
+  const isResult = entry.role === "result";
+  const isIdle = entry.state === "spare" || (isResult && entry.state === "used" && session.savedIn !== entry);
+  const title = isIdle ? `${role.title}, not ${isResult ? "shown" : "used"}` : role.title;
   const contents = describe(entry);
   const data = { state: entry.state, path: entry.path };
   const remove = removeButton(baseName(entry.path), () => void session.remove(entry));
@@ -191,9 +195,18 @@ function entryItem(session, entry) {
     entry.reason && h("p", { class: "file-reason" }, ...prose(entry.reason)),
     contents && h("p", { class: "file-reason" }, contents),
     entry.notices.length > 0 && noticeList(entry.notices),
-    entry.state !== "new" && corrections(session, entry),
+    entry.state !== "new" && !isResult && corrections(session, entry),
+    isResult &&
+      isIdle &&
+      session.scoring !== null &&
+      h("p", { class: "file-reason" }, "The score of the files here is shown; the two are compared below."),
     entry.state === "spare" &&
-      h("button", { type: "button", class: "link", onclick: () => void session.use(entry) }, "Use this one"),
+      !(isResult && session.scoring) &&
+      h(
+        "button",
+        { type: "button", class: "link", onclick: () => void session.use(entry) },
+        isResult ? "Show this one" : "Use this one",
+      ),
     entry.error !== "" &&
       notice("error", entry.error, {
         dismiss: () => {
@@ -329,6 +342,13 @@ function describe({ content }) {
   }
   if (content instanceof KeypointTable) {
     return `${count(content.keypoints, "keypoint")} in ${count(content.frames, "frame")}`;
+  }
+  if (content instanceof SavedEvaluation) {
+    const { tc, objects, errors, frames, version } = content.evaluation;
+    return (
+      `TC ${fixed(tc)} of ${names(objects.map(({ name }) => name))}; ${count(errors[0]?.length ?? 0, "keypoint")} in ` +
+      `${count(frames, "frame")}; by tracklens ${version}`
+    );
   }
   if (content) {
     const { architecture, keypoints, inputSize } = content.info;

@@ -7,13 +7,14 @@ import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
 import { blobOf, bytesOf, mapBounded, readError } from "./files.js";
 import { count } from "./format.js";
+import { splitRuns } from "./runs.js";
 
 /**
  * @typedef {import("./files.js").Source} Source
  * @typedef {import("./pkg/index.js").Arrays} Arrays
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./pkg/index.js").TableOptions} TableOptions
- * @typedef {"ground-truth" | "checkpoint" | "keypoints"} Slot what of each there is used one
+ * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot what of each there is used one
  *
  * A file that is no image.
  * @typedef {object} Entry
@@ -29,7 +30,7 @@ import { count } from "./format.js";
  * @property {"new" | "used" | "spare" | "broken" | "unknown"} state new: not parsed yet
  * @property {boolean} wanted whether it takes the place of another one of its kind once it is parsed
  * @property {[number, number] | undefined} imageSize with which it was parsed
- * @property {GroundTruthTable | OpenEncoder | KeypointTable | null} content
+ * @property {GroundTruthTable | OpenEncoder | KeypointTable | import("./saved.js").SavedEvaluation | null} content
  * @property {string} error why it is broken
  * @property {string[]} notices
  * @property {import("./extraction.js").Extraction | null} extraction of a checkpoint
@@ -43,7 +44,7 @@ import { count } from "./format.js";
  * @property {string} error why it cannot be used at all
  * @property {string[]} problems what of it cannot be used
  *
- * @typedef {{ images: Source[], entries: Entry[], containers: Container[] }} Found
+ * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string, import("./runs.js").RunFolder> }} Found
  */
 
 const READERS = 8;
@@ -52,6 +53,8 @@ const HEAD_BYTES = 4096;
 /** Archives around an archive. */
 const MAX_DEPTH = 2;
 const NOTHING = new Uint8Array();
+/** @type {Readonly<Found>} */
+const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map() };
 
 /**
  * Says what files are, and what is in those that hold others.
@@ -61,10 +64,11 @@ const NOTHING = new Uint8Array();
  * @returns {Promise<Found>}
  */
 export async function identify(sources, onProgress, depth = 0) {
+  const { runs, rest } = splitRuns(sources);
   /** @type {Found} */
-  const found = { images: [], entries: [], containers: [] };
+  const found = { images: [], entries: [], containers: [], runs };
   const others = [];
-  for (const source of sources) {
+  for (const source of rest) {
     // Images are told by their names: most of the files are images, and none is opened for it.
     if (classify(source.path, NOTHING).role === "image") found.images.push(source);
     else others.push(source);
@@ -75,10 +79,11 @@ export async function identify(sources, onProgress, depth = 0) {
     onProgress(++done, sources.length);
     return part;
   });
-  for (const { images, entries, containers } of parts) {
+  for (const { images, entries, containers, runs } of parts) {
     for (const image of images) found.images.push(image);
     found.entries.push(...entries);
     found.containers.push(...containers);
+    for (const [name, run] of runs) found.runs.set(name, run);
   }
   return found;
 }
@@ -102,7 +107,6 @@ async function open(source, depth) {
       case "video":
         return await inVideo(unpacked);
       case "image":
-      case "result":
         return only(entryOf(source, "unknown", reason, false));
       default:
         // What is not used need not be kept unpacked.
@@ -123,7 +127,7 @@ async function inArchive(archive, depth) {
   /** @type {Container} */
   const container = { path: archive.path, folder: archive.path, kind: "archive", contents: "", error: "", problems: [] };
   /** @type {Found} */
-  let found = { images: [], entries: [], containers: [] };
+  let found = { ...NOTHING_FOUND };
   try {
     if (depth > MAX_DEPTH) {
       throw new Error(`${archive.path} lies in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack the outer one`);
@@ -156,10 +160,10 @@ async function inRecording(recording, reason) {
       entries.push({ ...points, arrays });
       container.contents += " and points";
     } else arrays.free();
-    return { images: frames, entries, containers: [container] };
+    return { ...NOTHING_FOUND, images: frames, entries, containers: [container] };
   } catch (error) {
     container.error = readError(error, recording.path);
-    return { images: [], entries: [], containers: [container] };
+    return { ...NOTHING_FOUND, containers: [container] };
   }
 }
 
@@ -172,9 +176,9 @@ async function inVideo(video) {
   const container = { path: video.path, folder: folderOf(video.path), kind: "video", contents: "", error: "", problems: [] };
   try {
     const { frames, contents } = await openVideo(video);
-    return { images: frames, entries: [], containers: [{ ...container, contents }] };
+    return { ...NOTHING_FOUND, images: frames, containers: [{ ...container, contents }] };
   } catch (error) {
-    return { images: [], entries: [], containers: [{ ...container, error: readError(error, video.path) }] };
+    return { ...NOTHING_FOUND, containers: [{ ...container, error: readError(error, video.path) }] };
   }
 }
 
@@ -183,7 +187,7 @@ async function inVideo(video) {
  * @returns {Found}
  */
 function only(entry) {
-  return { images: [], entries: [entry], containers: [] };
+  return { ...NOTHING_FOUND, entries: [entry] };
 }
 
 /**

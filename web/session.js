@@ -1,17 +1,18 @@
 // @ts-check
 /**
- * What the page knows: the files taken, and everything that follows from them. The views read it and listen to
- * its events: `files`, `extraction`, `scoring` (another set of joined points), `evaluation` (other options over the
- * same points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
+ * What the page knows: the files taken, and everything that follows from them. Beside those of a score, its events are
+ * `files`, `reading` and `extraction`.
  */
 
-import { FrameIndex, KeypointTable, Scoring, joinFrames, latentToImage } from "./pkg/index.js";
+import { FrameIndex, KeypointTable, Scoring, joinFrames } from "./pkg/index.js";
+import { kindOf, messageOf } from "./errors.js";
 import { Extraction } from "./extraction.js";
 import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
 import { decodeImage } from "./image-cache.js";
-import { identify, needsParsing, parseTable } from "./intake.js";
-import { load, store } from "./settings.js";
+import { identify, isTable, needsParsing, parseTable } from "./intake.js";
+import { SavedEvaluation } from "./saved.js";
+import { Score } from "./score.js";
 
 /**
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
@@ -20,41 +21,22 @@ import { load, store } from "./settings.js";
  * @typedef {import("./intake.js").Entry} Entry
  * @typedef {import("./intake.js").Slot} Slot
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
- * @typedef {import("./pkg/index.js").Evaluation} Evaluation
- * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
- * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
- * @typedef {import("./pkg/index.js").Series & { distances: Float64Array }} Series
- *
- * Something the user should know, with the remedy where the page has one.
- * @typedef {object} Problem
- * @property {"error" | "warning" | "info"} kind
- * @property {string} text
- * @property {{ label: string, run: () => void }} [action]
  */
 
-/** Of the intervals. */
-const RESAMPLES = 1000;
-/** Milliseconds that a step of drawing them may take, so that the page stays at hand. */
-const STEP_MS = 24;
-
-const TRANSFORMS = ["identity", "scale-translate", "affine"];
-const RANKS = ["reference", "centred"];
-const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
-/** Series of this many pairs of object and keypoint are kept. */
-const KEPT_SERIES = 8;
 /** What stays said until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced"];
 
-/** @type {[Slot, string][]} */
+/** What there is one used of; of results any number, since they are compared. @type {[Slot, string | null][]} */
 const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
   ["keypoints", "keypoint tables"],
+  ["result", null],
 ];
 
-export class Session extends EventTarget {
+export class Session extends Score {
   /** Files under way from the disk or the server. @type {{ what: string, done: number, total: number } | null} */
   reading = null;
   /** @type {Entry[]} */
@@ -63,8 +45,8 @@ export class Session extends EventTarget {
   images = new Map();
   /** The files that held others. @type {Container[]} */
   containers = [];
-  /** @type {Map<string, Problem>} */
-  problems = new Map();
+  /** Folders of runs by path. @type {Map<string, import("./runs.js").RunFolder>} */
+  runs = new Map();
   /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
   origin = null;
 
@@ -79,31 +61,8 @@ export class Session extends EventTarget {
 
   /** The keypoints that are scored. @type {KeypointTable | null} */
   table = null;
-  /** @type {Scoring | null} */
-  scoring = null;
-  /** @type {Evaluation | null} */
-  evaluation = null;
-  /** Thresholds nobody edited, by object. @type {Record<string, number>} */
-  defaultThresholds = {};
-  /** @type {ScoreOptions} */
-  options;
-  /** What is asked of the sequences: folds to hold out (0: none), intervals. */
-  resampling = { folds: 0, intervals: false };
-  /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
-  intervals = null;
-  /** Of the joined frames. @type {string[]} */
-  objects = [];
-  /** The joined frames by sequence. @type {SequenceRange[]} */
-  sequences = [];
-  /** For each joined frame its number in its sequence. @type {Float64Array} */
-  frameNumbers = new Float64Array();
-  /** Object and joined frame on display. */
-  selection = { object: 0, frame: 0 };
-  /** Keypoints the user looks at in place of the best ones, by object. @type {Map<number, number>} */
-  #chosen = new Map();
 
   #extractor;
-  #remembers;
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
   /** Tells a change that everything was cleared while it waited. */
@@ -115,22 +74,14 @@ export class Session extends EventTarget {
   #dismissed = new Set();
   /** What was made from the files and is made anew when they change. @type {{ free(): void }[]} */
   #derived = [];
-  /** For each joined frame its image. @type {(Source | null)[]} */
-  #pictures = [];
-  /** Width and height by joined frame, or one for all; empty: not known. @type {[number, number][]} */
-  #sizes = [];
-  /** The last ones asked for. @type {Map<string, Series>} */
-  #series = new Map();
 
   /**
    * @param {import("./extractor.js").Extractor} extractor
    * @param {{ remembers: boolean }} settings whether options outlast the page
    */
   constructor(extractor, { remembers }) {
-    super();
+    super(remembers);
     this.#extractor = extractor;
-    this.#remembers = remembers;
-    this.options = this.#startOptions();
   }
 
   // Files
@@ -143,7 +94,7 @@ export class Session extends EventTarget {
     return this.#change(async (alive) => {
       for (const key of STICKY) this.problems.delete(key);
       if (sources.length === 0) {
-        this.#report("nothing", "error", "There was no file in what was dropped.");
+        this.report("nothing", "error", "There was no file in what was dropped.");
         return;
       }
       const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
@@ -158,6 +109,7 @@ export class Session extends EventTarget {
         for (const image of this.#emptied(container)) replaced.set(image.path, image);
         this.containers.push(container);
       }
+      for (const [path, run] of found.runs) this.runs.set(path, run);
       /** @type {Set<string>} */
       const taken = new Set();
       const repeated = [];
@@ -184,14 +136,14 @@ export class Session extends EventTarget {
       this.#tellRepeated(repeated);
       this.#tellReplaced(replaced);
       const useless = found.entries.every(({ role, error }) => role === "unknown" && error === "");
-      if (found.images.length === 0 && useless && found.containers.every(({ error }) => error === "")) {
+      if (found.images.length + found.runs.size === 0 && useless && found.containers.every(({ error }) => error === "")) {
         const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
-        this.#report(
+        this.report(
           "nothing",
           "error",
-          `${what}${sources.length === 1 ? " not" : ""} an image, a table or a checkpoint. Expected PNG, JPEG or WebP ` +
+          `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
             "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
-            "(.safetensors, .pth or .bpk), or a .zip archive of these.",
+            "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
         );
       }
     });
@@ -215,8 +167,8 @@ export class Session extends EventTarget {
     } catch (error) {
       if (generation !== this.#generation) return;
       this.reading = null;
-      this.#report("fetch", "error", messageOf(error));
-      this.#emit("files");
+      this.report("fetch", "error", messageOf(error));
+      this.emit("files");
     }
   }
 
@@ -274,6 +226,11 @@ export class Session extends EventTarget {
     });
   }
 
+  /** Removes the folders of runs. */
+  removeRuns() {
+    return this.#change(async () => this.runs.clear());
+  }
+
   /**
    * Removes the images of a sequence.
    * @param {SequenceRange} sequence of `frames`
@@ -309,18 +266,18 @@ export class Session extends EventTarget {
     this.entries = [];
     this.images = new Map();
     this.containers = [];
+    this.runs = new Map();
     this.frameSize = undefined;
     this.problems = new Map();
     this.origin = null;
     this.frames = null;
     this.frameSources = [];
     this.join = null;
-    this.options = this.#startOptions();
-    this.resampling = { folds: 0, intervals: false };
+    this.resetOptions();
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
-    for (const topic of ["files", "extraction", "scoring"]) this.#emit(topic);
+    for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
   }
 
   /**
@@ -331,7 +288,7 @@ export class Session extends EventTarget {
     const problem = this.problems.get(key);
     if (problem) this.#dismissed.add(problem.text);
     this.problems.delete(key);
-    this.#emit("files");
+    this.emit("files");
   }
 
   /**
@@ -357,6 +314,9 @@ export class Session extends EventTarget {
    * @returns {{ label: string, met: boolean }[]}
    */
   get needs() {
+    const parts = [this.truth, this.frames, this.encoder, this.used("keypoints")];
+    // A saved evaluation is a score.
+    if (this.used("result") && parts.every((part) => part === null)) return [];
     const truth = { label: "ground truth", met: this.truth !== null };
     if (this.used("keypoints")) return [{ label: "keypoints", met: true }, truth];
     const images = { label: "image sequences", met: this.frames !== null };
@@ -381,265 +341,21 @@ export class Session extends EventTarget {
   cancel() {
     this.#paused = true;
     this.extraction?.stop("cancelled");
-    this.#emit("extraction");
+    this.emit("extraction");
   }
 
-  // Scoring
-
-  /** @param {Partial<Pick<ScoreOptions, "transform" | "rank">>} options */
-  setOptions(options) {
-    Object.assign(this.options, options);
-    this.#remember();
-    this.#evaluate();
-  }
-
-  /**
-   * @param {string} object
-   * @param {number | null} threshold `null` for the default
-   */
-  setThreshold(object, threshold) {
-    const thresholds = { ...this.options.thresholds };
-    if (threshold === null) delete thresholds[object];
-    else thresholds[object] = threshold;
-    this.options.thresholds = thresholds;
-    this.#remember();
-    this.#evaluate();
-  }
-
-  /** @param {Partial<Session["resampling"]>} resampling */
-  setResampling(resampling) {
-    Object.assign(this.resampling, resampling);
-    this.#evaluate();
-  }
-
-  /** The number of folds that are held out; no more than there are sequences. */
-  get folds() {
-    const folds = Math.min(this.resampling.folds, this.sequences.length);
-    return folds < 2 ? 0 : folds;
-  }
-
-  /**
-   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure, the command.
-   * @returns {Evaluation | null}
-   */
-  completeEvaluation() {
-    if (!this.scoring || !this.evaluation) return this.evaluation;
-    const options = { ...this.#scoreOptions(), sequences: true, context: true };
-    const evaluation = this.scoring.evaluate(options);
-    if (this.intervals) evaluation.intervals = this.intervals;
-    return { ...evaluation, command: this.command() };
-  }
-
-  /** What others measure of the same frames; takes a while. */
-  context() {
-    const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
-    return evaluation?.context ?? this.evaluation?.context ?? null;
-  }
-
-  /** The command of the terminal that repeats the evaluation. */
-  command() {
-    if (!this.scoring) return this.evaluation?.command ?? "";
+  /** @returns {import("./pkg/index.js").CommandInputs} */
+  commandInputs() {
     const truth = this.used("ground-truth");
     const table = this.used("keypoints");
     const keypoints = table?.path;
-    const read = [...readingWords(truth?.options, "--"), ...readingWords(table?.options, "--keypoints-")];
-    const axes = truth?.options.axisOrder ?? table?.options.axisOrder;
-    const inputs = {
+    return {
       truth: truth?.path ?? "ground_truth.csv",
-      options: axes ? [...read, "--axis-order", axes] : read,
+      options: [...readingWords(truth, "--"), ...(table ? readingWords(table, "--keypoints-", truth) : [])],
       ...(keypoints
         ? { keypoints }
         : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
     };
-    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
-    return this.scoring.command(inputs, { ...this.#scoreOptions(), ...bootstrap });
-  }
-
-  /** Those of the last visit, where there was one. */
-  #startOptions() {
-    return optionsFrom(this.#remembers ? load("score") : {});
-  }
-
-  #remember() {
-    const { transform, rank, thresholds } = this.options;
-    if (this.#remembers) store("score", { transform, rank, thresholds });
-    this.#dropReminder();
-  }
-
-  /** Says which settings of an earlier visit are in force: a result must not surprise. */
-  #remind() {
-    const { transform, rank, thresholds = {} } = this.#scoreOptions();
-    const edited = Object.entries(thresholds).filter(([name, value]) => value !== this.defaultThresholds[name]);
-    const kept = [
-      ...edited.map(([name, value]) => `threshold ${value} for ${name}`),
-      transform !== DEFAULTS.transform && `map ${transform}`,
-      rank !== DEFAULTS.rank && `rank rule ${rank}`,
-    ].filter(Boolean);
-    if (kept.length === 0 || !this.#remembers) return;
-    this.#report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
-      label: "Use the defaults",
-      run: () => {
-        Object.assign(this.options, DEFAULTS, { thresholds: {} });
-        this.#remember();
-        this.#evaluate();
-        this.#emit("scoring");
-      },
-    });
-  }
-
-  #dropReminder() {
-    if (this.problems.delete("remembered")) this.#emit("files");
-  }
-
-  /** @param {Partial<{ object: number, frame: number }>} selection */
-  select(selection) {
-    const next = { ...this.selection, ...selection };
-    if (next.object === this.selection.object && next.frame === this.selection.frame) return;
-    this.selection = next;
-    this.#emit("selection");
-  }
-
-  /**
-   * The keypoint on display for an object: the chosen one, otherwise the best; `null` when it is visible in no frame.
-   * @param {number} object
-   */
-  keypointOf(object) {
-    const best = this.evaluation?.objects[object]?.best_keypoint ?? null;
-    return best === null ? null : (this.#chosen.get(object) ?? best);
-  }
-
-  /**
-   * Shows an object with a keypoint other than its best one.
-   * @param {number} object
-   * @param {number | null} keypoint `null` for the best one
-   */
-  choose(object, keypoint) {
-    if (keypoint === null) this.#chosen.delete(object);
-    else this.#chosen.set(object, keypoint);
-    this.selection = { ...this.selection, object };
-    for (const topic of ["selection", "choice"]) this.#emit(topic);
-  }
-
-  /** Shows every object with its best keypoint. */
-  chooseBest() {
-    this.#chosen.clear();
-    for (const topic of ["selection", "choice"]) this.#emit(topic);
-  }
-
-  /**
-   * Whether an object is shown with a keypoint other than its best one.
-   * @param {number} object
-   */
-  isChosen(object) {
-    return this.keypointOf(object) !== (this.evaluation?.objects[object]?.best_keypoint ?? null);
-  }
-
-  /**
-   * The error of an object with a keypoint by sequence, the worst one first.
-   * @param {number} object
-   * @param {number} keypoint
-   */
-  errorsBySequence(object, keypoint) {
-    return this.scoring?.sequenceErrors(object, keypoint, this.#mapOptions()) ?? [];
-  }
-
-  /**
-   * The joined frames in which an object is furthest from a keypoint under its map (squared distance, ndc).
-   * @param {number} object
-   * @param {number} keypoint
-   * @param {number} most
-   */
-  worstFrames(object, keypoint, most) {
-    const distances = this.scoring?.distances(object, keypoint, this.#mapOptions()) ?? new Float64Array();
-    const visible = Array.from(distances, (distance, frame) => ({ frame, distance })).filter(
-      ({ distance }) => !Number.isNaN(distance),
-    );
-    return visible.sort((a, b) => b.distance - a.distance).slice(0, most);
-  }
-
-  /** Width and height of the images, when it is known and the same for all. */
-  get imageSize() {
-    return this.#sizes.length === 1 ? this.#sizes[0] : null;
-  }
-
-  /** Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken as ndc. */
-  get placesKeypoints() {
-    return this.encoder !== null && this.#sizes.length > 0;
-  }
-
-  /**
-   * The image of a joined frame.
-   * @param {number} frame
-   */
-  picture(frame) {
-    return this.#pictures[frame] ?? null;
-  }
-
-  /** Whether any joined frame has an image. */
-  get hasPictures() {
-    return this.#pictures.some((picture) => picture !== null);
-  }
-
-  /**
-   * The sequence a joined frame belongs to.
-   * @param {number} frame
-   * @returns {SequenceRange | null}
-   */
-  sequenceOf(frame) {
-    return this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null;
-  }
-
-  /**
-   * The points of an object and its keypoint on display, all in ndc, with their squared distances; `null` when it has none.
-   * @param {number} object
-   */
-  series(object) {
-    const keypoint = this.keypointOf(object);
-    if (!this.scoring || keypoint === null) return null;
-    const key = `${object} ${keypoint}`;
-    let series = this.#series.get(key);
-    if (!series) {
-      const options = this.#mapOptions();
-      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
-      const distances = this.scoring.distances(object, keypoint, options);
-      series = { truth, keypoint: this.#place(raw), transformed, distances };
-      const [oldest] = this.#series.keys();
-      if (this.#series.size >= KEPT_SERIES) this.#series.delete(oldest);
-      this.#series.set(key, series);
-    }
-    return series;
-  }
-
-  /**
-   * The errors of an object and its keypoint on display by the sequence, in the order of `sequences`; NaN where the object
-   * is not visible.
-   * @param {number} object
-   */
-  sequenceErrors(object) {
-    const errors = new Float64Array(this.sequences.length).fill(NaN);
-    const keypoint = this.keypointOf(object);
-    if (!this.scoring || keypoint === null) return errors;
-    const found = this.errorsBySequence(object, keypoint);
-    const byStart = new Map(found.map(({ start, error }) => [start, error]));
-    return errors.map((_, i) => byStart.get(this.sequences[i].start) ?? NaN);
-  }
-
-  /**
-   * All keypoints of a joined frame in ndc, N x 2.
-   * @param {number} frame
-   */
-  keypointsAt(frame) {
-    return this.scoring ? this.placed(this.scoring.keypointsAt(frame), frame) : new Float64Array();
-  }
-
-  /**
-   * Points of a joined frame in ndc; see {@link Session.placesKeypoints}.
-   * @param {Float64Array} points
-   * @param {number} frame
-   */
-  placed(points, frame) {
-    const size = this.imageSize ?? this.#sizes[frame];
-    return this.encoder && size ? latentToImage(this.encoder.info.config, points, ...size) : points;
   }
 
   // What follows from what
@@ -657,11 +373,11 @@ export class Session extends EventTarget {
         await change(alive);
         if (alive()) await this.#settle(alive);
       } catch (error) {
-        if (alive()) this.#report("unexpected", "error", messageOf(error));
+        if (alive()) this.report("unexpected", "error", messageOf(error));
       }
       if (!alive()) return;
       this.reading = null;
-      this.#emit("files");
+      this.emit("files");
     });
     this.#queue = made;
     return made;
@@ -684,6 +400,8 @@ export class Session extends EventTarget {
         const encoder = await this.#extractor.open({ path, blob: await blobOf(source) });
         entry.content = encoder;
         entry.extraction = new Extraction(encoder);
+      } else if (role === "result") {
+        entry.content = await SavedEvaluation.parse(source);
       } else {
         const table = await parseTable(entry, this.frameSize);
         entry.content = table;
@@ -764,6 +482,7 @@ export class Session extends EventTarget {
     const isInside = insideOf(container);
     const images = this.containers.some(({ path }) => path === container.path) ? [...this.images.values()].filter(isInside) : [];
     for (const image of images) this.#dropImage(image.path);
+    for (const path of this.runs.keys()) if (isInside({ path })) this.runs.delete(path);
     this.containers = this.containers.filter((other) => !isInside(other));
     return images;
   }
@@ -786,7 +505,7 @@ export class Session extends EventTarget {
     const text =
       `${count(paths.length, "file")} had the path of another one in the same drop: ${names(paths.slice(0, 5), paths.length)}. ` +
       "The first of each is used, the others are not; rename them, or drop their folders one by one.";
-    this.#report("repeated", "warning", text);
+    this.report("repeated", "warning", text);
   }
 
   /** @param {Map<string, Source>} images the former ones, by path */
@@ -801,7 +520,7 @@ export class Session extends EventTarget {
         this.problems.delete("replaced");
         for (const image of images.values()) this.#takeImage(image);
       });
-    this.#report("replaced", "warning", text, { label: "Use the former ones again", run: () => void restore() });
+    this.report("replaced", "warning", text, { label: "Use the former ones again", run: () => void restore() });
   }
 
   /** @param {Entry} entry */
@@ -823,8 +542,8 @@ export class Session extends EventTarget {
     if (!alive()) return;
     for (const [role, many] of SLOTS) this.#assign(role, many);
     this.#joinFrames();
-    this.#emit("files");
-    await this.#advance(alive);
+    this.emit("files");
+    this.#advance();
   }
 
   async #indexFrames() {
@@ -835,7 +554,7 @@ export class Session extends EventTarget {
       if (images.length > 0) this.frames = FrameIndex.ofAll(images.map(({ path }) => path));
     } catch (error) {
       // E.g. a copy of an image beside its original: which rows the images belong to cannot be told.
-      this.#report("frames", "error", messageOf(error), {
+      this.report("frames", "error", messageOf(error), {
         label: "Remove the images",
         run: () => void this.removeImages(),
       });
@@ -865,7 +584,7 @@ export class Session extends EventTarget {
   /**
    * Decides which file of a kind is used: the one the user said, or the first.
    * @param {Slot} role
-   * @param {string} many
+   * @param {string | null} many what to call them where only one of them can be of use
    */
   #assign(role, many) {
     const candidates = this.entries.filter((entry) => entry.role === role && entry.content);
@@ -873,12 +592,12 @@ export class Session extends EventTarget {
     const used = candidates.find(({ state }) => state === "used") ?? candidates[0];
     used.state = "used";
     const spare = candidates.find((entry) => entry !== used);
-    if (!spare) return;
+    if (!spare || many === null) return;
     const all = names(candidates.map(({ path }) => path));
     const text = `There are ${candidates.length} ${many}: ${all}. Only one can be used: ${used.path} is.`;
     if (this.#dismissed.has(text)) return;
     const action = { label: `Use ${spare.path} instead`, run: () => void this.use(spare) };
-    this.#report(`several-${role}`, "warning", text, action);
+    this.report(`several-${role}`, "warning", text, action);
   }
 
   #joinFrames() {
@@ -887,21 +606,18 @@ export class Session extends EventTarget {
     try {
       this.join = joinFrames(this.frames, this.truth);
     } catch (error) {
-      this.#report("join", "error", messageOf(error));
+      this.report("join", "error", messageOf(error));
     }
   }
 
-  /**
-   * From keypoints to a score, or to the extraction that is needed first.
-   * @param {() => boolean} alive
-   */
-  async #advance(alive) {
+  /** From keypoints to a score, or to the extraction that is needed first. */
+  #advance() {
     this.#release();
     const index = this.#keypoints();
-    if (this.table && this.truth) await this.#score(index, alive);
-    if (!alive()) return;
-    this.#emit("scoring");
-    this.#emit("extraction");
+    if (this.table && this.truth) this.#score(index);
+    if (!this.scoring) this.#showSaved();
+    this.emit("scoring");
+    this.emit("extraction");
     if (!this.table && this.join && !this.#paused && this.extraction?.status !== "failed") void this.#run();
   }
 
@@ -918,37 +634,28 @@ export class Session extends EventTarget {
     }
     const { extraction, encoder } = this;
     if (!this.frames || !all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
-    const good = Array.from(this.frameSources.keys()).filter((i) => extraction.extracted.has(this.frameSources[i].path));
-    if (good.length === 0) {
+    const found = extraction.collect(this.frames, this.frameSources);
+    if (!found) {
       const [first] = extraction.failures.values();
-      this.#report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
+      this.report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
       return null;
     }
-    let kept = all;
-    if (good.length < all.sources.length) {
-      const frames = this.frames.select(Uint32Array.from(good));
-      this.#derived.push(frames);
-      kept = { frames, sources: good.map((i) => this.frameSources[i]) };
-    }
-    const keypoints = encoder.info.keypoints;
-    const points = new Float64Array(kept.sources.length * keypoints * 2);
-    for (const [i, { path }] of kept.sources.entries()) {
-      points.set(extraction.extracted.get(path)?.points ?? [], i * keypoints * 2);
-    }
-    this.table = KeypointTable.fromExtraction(kept.frames, points, keypoints);
+    if (found.selected) this.#derived.push(found.selected);
+    this.table = found.table;
     this.#derived.push(this.table);
-    return kept;
+    return { frames: found.selected ?? this.frames, sources: found.sources };
   }
 
   /**
    * @param {{ frames: FrameIndex, sources: Source[] } | null} index
-   * @param {() => boolean} alive
    */
-  async #score(index, alive) {
+  #score(index) {
     const { truth, table } = this;
     if (!truth || !table) return;
+    /** @type {Scoring} */
+    let scoring;
     try {
-      this.scoring = new Scoring(truth, table, this.#excludeNonFinite ? "exclude-frame" : "error");
+      scoring = new Scoring(truth, table, this.#excludeNonFinite ? "exclude-frame" : "error");
     } catch (error) {
       const leaveOut = {
         label: "Leave these frames out",
@@ -957,37 +664,34 @@ export class Session extends EventTarget {
           void this.#change(async () => {});
         },
       };
-      this.#report("scoring", "error", messageOf(error), kindOf(error) === "numeric" ? leaveOut : undefined);
+      this.report("scoring", "error", messageOf(error), kindOf(error) === "numeric" ? leaveOut : undefined);
       return;
     }
-    this.#derived.push(this.scoring);
-    this.join = this.scoring.join;
-    this.objects = this.scoring.objects;
-    this.sequences = this.scoring.sequences;
-    this.frameNumbers = this.scoring.frameNumbers;
-    if (index) {
-      const positions = Array.from(this.scoring.imagesFrom(index.frames));
-      this.#pictures = positions.map((position) => (position < 0 ? null : index.sources[position]));
-    }
-    this.#sizes = await this.#measure();
-    if (!alive()) return;
-    this.selection = {
-      object: Math.min(this.selection.object, this.objects.length - 1),
-      frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
-    };
-    this.#evaluate();
-    this.#remind();
+    this.#derived.push(scoring);
+    this.join = scoring.join;
+    const positions = index ? Array.from(scoring.imagesFrom(index.frames)) : [];
+    const pictures = positions.map((position) => (position < 0 ? null : (index?.sources[position] ?? null)));
+    this.show({ scoring, pictures, sizes: this.#measure(pictures), encoder: this.encoder });
+  }
+
+  /** Shows an evaluation that was saved, unless a score is about to come. */
+  #showSaved() {
+    const entry = this.used("result");
+    const { extraction } = this;
+    const isComing = this.join !== null && extraction !== null && !this.#paused && extraction.status !== "failed";
+    if (entry && !isComing) this.showSaved(entry);
   }
 
   /**
    * The sizes of the joined images: from the extraction, otherwise from the first image.
-   * @returns {Promise<[number, number][]>}
+   * @param {(Source | null)[]} pictures
+   * @returns {[number, number][]}
    */
-  async #measure() {
+  #measure(pictures) {
     const extracted = this.extraction?.extracted;
     if (extracted) {
       /** @type {[number, number][]} */
-      const sizes = this.#pictures.map((picture) => {
+      const sizes = pictures.map((picture) => {
         const { width = 0, height = 0 } = (picture && extracted.get(picture.path)) || {};
         return [width, height];
       });
@@ -995,78 +699,7 @@ export class Session extends EventTarget {
       return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
     }
     // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are left out then.
-    return this.hasPictures && this.frameSize ? [this.frameSize] : [];
-  }
-
-  #evaluate() {
-    if (!this.scoring) return;
-    this.#series.clear();
-    try {
-      this.evaluation = this.scoring.evaluate(this.#scoreOptions());
-      const defaults = this.scoring.evaluate(this.#mapOptions());
-      this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
-      this.problems.delete("evaluation");
-    } catch (error) {
-      this.evaluation = null;
-      this.#report("evaluation", "error", messageOf(error));
-      this.#emit("files");
-    }
-    this.intervals = null;
-    this.#emit("evaluation");
-    void this.#drawIntervals();
-  }
-
-  /** Draws the intervals in steps, until they are there or belong to another evaluation. */
-  async #drawIntervals() {
-    const { scoring, evaluation } = this;
-    if (!scoring || !evaluation || !this.resampling.intervals || this.sequences.length < 2) return;
-    const bootstrap = scoring.bootstrap(this.#scoreOptions());
-    try {
-      let step = 1;
-      for (let left = RESAMPLES; left > 0; ) {
-        await new Promise((done) => setTimeout(done));
-        if (this.evaluation !== evaluation) return;
-        const start = performance.now();
-        bootstrap.draw(Math.min(step, left));
-        left -= step;
-        if (performance.now() - start < STEP_MS / 2) step *= 2;
-      }
-      this.intervals = bootstrap.intervals();
-      this.#emit("intervals");
-    } finally {
-      bootstrap.free();
-    }
-  }
-
-  /** What decides on the maps alone. @returns {ScoreOptions} */
-  #mapOptions() {
-    const { transform, rank } = this.options;
-    return { transform, rank };
-  }
-
-  /** @returns {ScoreOptions} */
-  #scoreOptions() {
-    const edited = Object.entries(this.options.thresholds ?? {}).filter(([name]) => this.objects.includes(name));
-    return {
-      ...this.options,
-      thresholds: Object.fromEntries(edited),
-      ...(this.imageSize ? { imageSize: this.imageSize } : {}),
-      ...(this.folds > 0 ? { folds: this.folds } : {}),
-    };
-  }
-
-  /**
-   * Latent points of the joined frames in the image.
-   * @param {Float64Array} points
-   */
-  #place(points) {
-    const { encoder } = this;
-    if (!encoder || this.#sizes.length === 0) return points;
-    const { config } = encoder.info;
-    if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
-    const placed = new Float64Array(points.length);
-    for (let t = 0; t < this.#sizes.length; t++) placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
-    return placed;
+    return pictures.some((picture) => picture !== null) && this.frameSize ? [this.frameSize] : [];
   }
 
   async #run() {
@@ -1074,16 +707,16 @@ export class Session extends EventTarget {
     if (!extraction || extraction.status === "running" || extraction.pending(this.frameSources).length === 0) return;
     const generation = this.#generation;
     const alive = () => generation === this.#generation && this.extraction === extraction;
-    const running = extraction.run(this.frameSources, () => this.#emit("extraction"));
-    this.#emit("extraction");
+    const running = extraction.run(this.frameSources, () => this.emit("extraction"));
+    this.emit("extraction");
     const complete = await running;
     if (!alive()) return;
-    this.#emit("extraction");
+    this.emit("extraction");
     if (!complete) return;
     this.#queue = this.#queue.then(async () => {
       // Another change may have come first; it has settled everything then.
-      if (alive() && extraction.status === "idle") await this.#advance(alive);
-      this.#emit("files");
+      if (alive() && extraction.status === "idle") this.#advance();
+      this.emit("files");
     });
   }
 
@@ -1092,16 +725,7 @@ export class Session extends EventTarget {
     for (const made of this.#derived.reverse()) made.free();
     this.#derived = [];
     this.table = null;
-    this.scoring = null;
-    this.evaluation = null;
-    this.intervals = null;
-    this.objects = [];
-    this.sequences = [];
-    this.frameNumbers = new Float64Array();
-    this.#pictures = [];
-    this.#sizes = [];
-    this.#chosen.clear();
-    this.#series.clear();
+    this.forgetScore();
   }
 
   /**
@@ -1111,37 +735,8 @@ export class Session extends EventTarget {
    */
   #read(what, done, total) {
     this.reading = { what, done, total };
-    this.#emit("reading");
+    this.emit("reading");
   }
-
-  /**
-   * @param {string} key
-   * @param {Problem["kind"]} kind
-   * @param {string} text
-   * @param {Problem["action"]} [action]
-   */
-  #report(key, kind, text, action) {
-    this.problems.set(key, { kind, text, action });
-  }
-
-  /** @param {string} topic */
-  #emit(topic) {
-    this.dispatchEvent(new Event(topic));
-  }
-}
-
-/**
- * Options that were kept, as far as they are understood.
- * @param {Record<string, any>} kept
- * @returns {ScoreOptions}
- */
-function optionsFrom({ transform, rank, thresholds }) {
-  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => Number.isFinite(value) && value > 0);
-  return {
-    transform: TRANSFORMS.includes(transform) ? transform : DEFAULTS.transform,
-    rank: RANKS.includes(rank) ? rank : DEFAULTS.rank,
-    thresholds: Object.fromEntries(usable),
-  };
 }
 
 /**
@@ -1164,13 +759,19 @@ function insideOf({ path, folder }) {
 
 /**
  * What the user said of a table's numbers, in words of the terminal.
- * @param {import("./pkg/index.js").TableOptions | undefined} options
+ * @param {Entry | null} entry
  * @param {string} prefix
+ * @param {Entry | null} [other] the table whose axis order holds for this one, too, in the terminal
  */
-function readingWords(options, prefix) {
-  const { space, indexBase } = options ?? {};
+function readingWords(entry, prefix, other) {
+  const { space, axisOrder, indexBase } = entry?.options ?? {};
+  const content = entry?.content ?? null;
+  const reading = isTable(content) ? content.reading : null;
+  const own = reading?.axisOrder.value;
+  const axes = axisOrder ?? (other?.options.axisOrder === own ? undefined : other?.options.axisOrder && own);
   return [
     ...(space ? [`${prefix}space`, space] : []),
+    ...(axes ? [`${prefix}axis-order`, axes] : []),
     ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
   ];
 }
@@ -1188,14 +789,4 @@ function commonFolder(paths) {
   // A single sequence is itself in all paths.
   if (common.length > 0 && folders.every((folder) => folder.length === common.length)) common.pop();
   return common.join("/") || ".";
-}
-
-/** @param {unknown} error */
-function messageOf(error) {
-  return error instanceof Error ? error.message : String(error);
-}
-
-/** @param {unknown} error */
-function kindOf(error) {
-  return /** @type {{ kind?: string }} */ (error)?.kind;
 }

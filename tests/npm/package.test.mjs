@@ -218,6 +218,107 @@ test("an evaluation can be asked for more, drawn, written and read again", async
   );
 });
 
+/** The files of a training as `tracklens train` writes them; the error of its cube falls to `error`. */
+function training(architecture, seed, error, epochs = 4) {
+  const config = {
+    version: "0.1.0", git_hash: null, burn: "0.22.1", target: "x86_64-linux", threads: 1,
+    sae: {
+      architecture, keypoints: 16, encoder_channels: [32, 64, 128], encoder_kernels: [3, 3, 3], decoder_channels: [64, 32, 16],
+      decoder_kernels: [3, 3, 3], input_size: null, target_size: [64, 64], temperature: 1, trained_temperature: false, sigma: 0.1,
+      sigma_per_keypoint: false, sigma_limit: null,
+    },
+    epochs, seed, batch: 8, learning_rate: 0.001, noise: 0.001, split: { training: 0.5, validation: 0.25 }, velocity_weight: 0,
+    drop_last: true, validation_frames: "first", target_filter: "bilinear", input_size: [64, 64], objects: ["cube"],
+    training_sequences: ["a", "b"], validation_sequences: ["c"],
+  };
+  const log = Array.from({ length: epochs }, (_, i) => {
+    const losses = { total: 0.02, reconstruction: 0.02 / (i + 1), velocity: 0 };
+    const errors = { cube: error * (epochs - i) };
+    const maps = { affine: errors, identity: errors, "scale-translate": errors };
+    return JSON.stringify({ epoch: i + 1, seconds: 1, training: losses, validation: losses, tc: 0.5, errors: maps });
+  });
+  const summary = { version: "0.1.0", interrupted: false, epochs, best_epoch: epochs, seconds: 9, last: null, evaluation: null };
+  const utf8 = (text) => new TextEncoder().encode(text);
+  return { config: utf8(JSON.stringify(config)), log: utf8(`${log.join("\n")}\n`), summary: utf8(JSON.stringify(summary)) };
+}
+
+test("runs are compared by groups, and what does not count is told", () => {
+  const comparison = new tracklens.Comparison();
+  assert.deepEqual([comparison.dataSets, comparison.unread], [[], []]);
+  assert.throws(() => comparison.compare(), /run/);
+  // Three of four runs of the one track the cube, none of the other.
+  const runs = { basic: [0.001, 0.002, 0.003, 0.04], dsae: [0.05, 0.06, 0.07, 0.08] };
+  for (const [architecture, errors] of Object.entries(runs)) {
+    for (const [seed, error] of errors.entries()) {
+      comparison.addRun(`${architecture}/${seed}`, training(architecture, seed, error));
+    }
+  }
+  const { config, log, summary } = training("basic", 9, 0.01);
+  comparison.addRun("cut", { config, log: log.subarray(0, log.length - 9), summary });
+  comparison.addRun("failed", { config: null, error: new TextEncoder().encode("no space left on the disk\n") });
+  assert.throws(() => comparison.addRun("text", { config: "{}" }), /`config` of text is no Uint8Array/);
+  const [set, ...more] = comparison.dataSets;
+  assert.deepEqual([more, set.objects, set.trained, set.settings, set.runs.length], [[], ["cube"], true, [], 9]);
+  assert.match(set.runs.find(({ name }) => name === "cut").incomplete, /its log breaks off/);
+  assert.deepEqual(comparison.unread, [{ name: "failed", reason: "it failed: no space left on the disk" }]);
+
+  const compared = comparison.compare();
+  const { report, figures } = compared;
+  assert.equal(report.schema, "tracklens/report/1");
+  assert.deepEqual(report.groups.map(({ name, complete, tc }) => [name, complete, tc]), [["basic", 4, 0.75], ["dsae", 4, 0]]);
+  const [basic] = report.groups;
+  assert.equal(basic.incomplete[0].name, "cut");
+  assert.ok(Math.abs(basic.objects[0].mean - 0.0115) < 1e-12 && basic.objects[0].threshold === 0.015);
+  const [low, high] = basic.tc_interval;
+  assert.ok(low < 0.75 && high <= 1);
+  const better = report.improvement.find(({ group, over }) => group === "basic" && over === "dsae");
+  assert.equal(better.probability, 1);
+  assert.deepEqual(comparison.compare().report, report);
+  assert.match(comparison.compare({ seed: 7, resamples: 200 }).report.intervals, /200 resamples, seed 7/);
+  assert.equal(comparison.compare({ thresholds: { cube: 0.0015 } }).report.groups[0].tc, 0.25);
+  assert.ok(["boxplots", "errors-basic", "reconstruction-loss"].every((name) => figures.some((figure) => figure.name === name)));
+  assert.ok(figures.every(({ svg, caption }) => svg.startsWith("<svg") && caption.length > 0));
+  assert.match(compared.toHtml(), /^<!DOCTYPE html>[^]*no space left on the disk/);
+  assert.match(compared.toMarkdown(), /\| basic \|/);
+  assert.equal(compared.runsCsv().trim().split("\n").length, 1 + 8 + 2);
+  assert.equal(compared.errorsCsv().trim().split("\n").length, 1 + 2);
+
+  comparison.addRun("long", training("basic", 5, 0.001, 6));
+  assert.deepEqual(comparison.dataSets[0].settings, ["epochs"]);
+  const names = (groupBy) => comparison.compare({ groupBy }).report.groups.map(({ name }) => name);
+  assert.deepEqual(names("epochs"), ["epochs 4", "epochs 6"]);
+  assert.deepEqual(names("architecture"), ["basic", "dsae"]);
+  assert.throws(() => names("weather"), /weather/);
+  assert.throws(() => comparison.compare({ dataSet: 1 }), /there is no data set 1/);
+  assert.throws(() => comparison.compare({ groups: "name" }), /unknown field `groups`; expected dataSet/);
+});
+
+test("detectors that were scored are runs of their own data set", async () => {
+  const { table } = await extractAll();
+  const truth = tracklens.GroundTruthTable.parse(await read("ground_truth.csv"), "ground_truth.csv");
+  const evaluation = new tracklens.Scoring(truth, table).evaluate();
+  const comparison = new tracklens.Comparison();
+  comparison.addRun("basic/0", training("basic", 0, 0.001));
+  comparison.addEvaluation("mine_seed0.csv", evaluation);
+  comparison.addEvaluation("weights.pth", evaluation, "keynet");
+  assert.throws(() => comparison.addEvaluation("other.csv", { tc: 1 }), /the evaluation of other\.csv/);
+  const sets = comparison.dataSets;
+  assert.deepEqual(sets.map(({ trained, runs }) => [trained, runs.map(({ architecture }) => architecture)]), [
+    [true, ["basic"]],
+    [false, ["mine", "keynet"]],
+  ]);
+  assert.match(sets[1].reason, /cube/);
+  const { report } = comparison.compare({ dataSet: 1 });
+  const errors = evaluation.objects.map(({ error }) => error);
+  assert.deepEqual(report.groups.map(({ runs }) => runs[0].errors), [errors, errors]);
+
+  // Under another map errors are not the same thing.
+  const apart = new tracklens.Comparison();
+  apart.addEvaluation("a.json", evaluation);
+  apart.addEvaluation("b.json", { ...evaluation, transform: "identity" });
+  assert.match(apart.dataSets[1].reason, /a\.json and b\.json: one is scored under the map `affine`, the other under `identity`/);
+});
+
 test("what the numbers of a table are taken for is told with its ground", () => {
   const bytes = new TextEncoder().encode("frame,cube_x,cube_y\n1,0,0\n");
   const { reading } = tracklens.GroundTruthTable.parse(bytes, "t.csv", { indexBase: 1 });
@@ -309,14 +410,14 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, figures/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, figures, comparison/);
 });
 
 test("what a browser downloads stays small", async () => {
   const pkg = new URL("../../pkg/", import.meta.url);
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
-  // What has to be there before the page can be used, what workers load, and what comes with the first score.
-  for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 400_000, figures: 200_000 })) {
+  // What has to be there before the page can be used, what workers load, what comes with the first score, and with the first runs.
+  for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 400_000, figures: 200_000, comparison: 300_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

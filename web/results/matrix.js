@@ -78,7 +78,8 @@ export function matrixView(session) {
   const choose = (/** @type {HTMLElement} */ cell) => {
     at = positionOf(cell);
     const best = session.evaluation?.objects[at.object].best_keypoint;
-    if (best === null || best === undefined) return;
+    // Of a saved evaluation there is nothing else to show with another keypoint.
+    if (best === null || best === undefined || !session.scoring) return;
     session.choose(at.object, at.keypoint === best ? null : at.keypoint);
   };
   figure.layer.addEventListener("pointerover", tell);
@@ -121,7 +122,8 @@ export function matrixView(session) {
     reset.hidden = chosen.length === 0;
     note.textContent =
       chosen.length === 0
-        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the threshold. Choose a cell to see that keypoint in the frames and plots."
+        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the threshold." +
+          (session.scoring ? " Choose a cell to see that keypoint in the frames and plots." : "")
         : `Shown in the frames and plots: ${chosen
             .map((name) => `${name} with keypoint ${session.keypointOf(session.objects.indexOf(name))}`)
             .join(", ")}. The score stays that of the best keypoints.`;

@@ -54,22 +54,23 @@ export function sequencesView(session) {
   };
   figure.layer.addEventListener("pointermove", (event) => {
     const found = under(event);
-    figure.layer.dataset.active = String(found !== null);
+    figure.layer.dataset.active = String(found !== null && session.scoring !== null);
     if (found) figure.showTip(`${found.worst.sequence}: error ${significant(found.worst.error)}`, found.x, found.y);
     else figure.showTip(null);
   });
   figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
   figure.layer.addEventListener("click", (event) => {
     const found = under(event);
-    if (found) show(session, found.worst.worst);
+    if (found && session.scoring) show(session, found.worst.worst);
   });
 
   const update = () => {
     const { object } = session.selection;
     const keypoint = session.keypointOf(object);
     const result = session.evaluation?.objects[object];
-    element.hidden = !session.scoring || keypoint === null || !result;
-    if (!session.scoring || keypoint === null || !result) {
+    const isKnown = session.scoring !== null || session.saved?.evaluation.sequences !== undefined;
+    element.hidden = !isKnown || keypoint === null || !result;
+    if (!isKnown || keypoint === null || !result) {
       key = "";
       return;
     }
@@ -88,7 +89,7 @@ export function sequencesView(session) {
         errors.length < 2
           ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
           : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one first; dashed: the threshold. ` +
-            "Choose one to see its worst frame.";
+            (session.scoring ? "Choose one to see its worst frame." : "");
     }
     figure.update();
   };
@@ -99,7 +100,7 @@ export function sequencesView(session) {
     h("div", { class: "panel-head" }, title, objects),
     hint,
     figure.element,
-    h("div", { class: "worst-lists" }, sequencePart, h("div", {}, h("h4", {}, "Worst frames"), frameList)),
+    h("div", { class: "worst-lists" }, sequencePart, h("div", {}, h("h4", {}, session.scoring ? "Worst frames" : "Their worst frames"), frameList)),
   );
   return { element, update, reset: () => (key = "") };
 }
@@ -108,40 +109,34 @@ export function sequencesView(session) {
  * @param {Session} session
  * @param {SequenceError} worst
  */
-function sequenceItem(session, worst) {
-  return h(
-    "li",
-    {},
-    h(
-      "button",
-      {
-        type: "button",
-        class: "link",
-        title: `To its worst frame, ${worst.worstFrame}`,
-        data: { frame: worst.worst },
-        onclick: () => show(session, worst.worst),
-      },
-      worst.sequence,
-    ),
-    h("span", { class: "worst-error" }, significant(worst.error)),
-  );
+function sequenceItem(session, { sequence, worst, worstFrame, error }) {
+  return item(session, sequence, worst, error, `To its worst frame, ${worstFrame}`);
 }
 
 /**
  * @param {Session} session
- * @param {{ frame: number, distance: number }} worst
+ * @param {{ position: number, sequence: string, frame: number, distance: number }} worst
  */
-function frameItem(session, { frame, distance }) {
-  const name = session.sequenceOf(frame)?.name ?? "";
+function frameItem(session, { position, sequence, frame, distance }) {
+  return item(session, `${sequence}, frame ${integer(frame)}`, position, distance);
+}
+
+/**
+ * A line with the way to a frame, where it is at hand.
+ * @param {Session} session
+ * @param {string} text
+ * @param {number} position of the frame, negative where it is not
+ * @param {number} error
+ * @param {string} [title]
+ */
+function item(session, text, position, error, title) {
+  const data = { frame: position };
+  const onclick = () => show(session, position);
   return h(
     "li",
     {},
-    h(
-      "button",
-      { type: "button", class: "link", data: { frame }, onclick: () => show(session, frame) },
-      `${name}, frame ${integer(session.frameNumbers[frame])}`,
-    ),
-    h("span", { class: "worst-error" }, significant(distance)),
+    position < 0 ? h("span", {}, text) : h("button", { type: "button", class: "link", title, data, onclick }, text),
+    h("span", { class: "worst-error" }, significant(error)),
   );
 }
 

@@ -2,7 +2,7 @@
 /** Tracking capability at large, how it was scored, and the switches of that. */
 
 import { fill, h, notice } from "../dom.js";
-import { count, fixed } from "../format.js";
+import { baseName, count, fixed } from "../format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -61,11 +61,32 @@ export function summaryView(session) {
     "div",
     { class: "panel score" },
     h("div", { class: "tc" }, h("h2", { id: "results-title" }, "Tracking capability"), value, share, interval),
-    h("div", { class: "settings" }, ...switches),
+    switches.length > 0 && h("div", { class: "settings" }, ...switches),
     protocol,
   );
-  const elements = [element, session.origin?.note && notice("info", session.origin.note, { class: "origin" }), warnings];
+  const elements = [
+    element,
+    savedNotice(session),
+    session.origin?.note && notice("info", session.origin.note, { class: "origin" }),
+    warnings,
+  ];
   return { element, elements, update };
+}
+
+/**
+ * What a saved evaluation cannot show.
+ * @param {Session} session
+ */
+function savedNotice({ saved, savedIn }) {
+  if (!saved || !savedIn) return null;
+  const lacks = saved.lacks.length > 0 ? ` It was saved without ${saved.lacks.join(", ")}.` : "";
+  return notice(
+    "info",
+    `Shown as ${baseName(savedIn.path)} has it, which tracklens ${saved.evaluation.version} computed.${lacks} Frames, ` +
+      "trajectories and keypoints are in no such file, so nothing can be played or scored otherwise: add the images or keypoints " +
+      "and the ground truth for that.",
+    { class: "saved" },
+  );
 }
 
 /**

@@ -48,7 +48,7 @@ export function plots(session) {
   };
   const draw = async () => {
     scheduled = false;
-    if (!session.evaluation) return;
+    if (!session.scoring) return;
     drawn = pair();
     try {
       // Loaded when there is something to draw.

@@ -67,7 +67,7 @@ export function sequenceList(session) {
   let rowHeight = 28;
   const draw = () => {
     // The list also hears of its size when everything was removed.
-    if (!session.evaluation) return;
+    if (!session.scoring) return;
     const first = Math.max(0, Math.floor(list.scrollTop / rowHeight) - BEYOND);
     const last = Math.min(order.length, Math.ceil((list.scrollTop + list.clientHeight) / rowHeight) + BEYOND);
     const selected = shown();

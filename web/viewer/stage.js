@@ -67,7 +67,7 @@ export function stage(session, look, onProblem) {
       // Another frame was asked for meanwhile, or other files came.
       if (mine !== ticket) return;
     }
-    if (!session.evaluation) return;
+    if (!session.scoring) return;
     const size = image ?? sizeOfPlate(session);
     canvas.style.aspectRatio = `${size.width} / ${size.height}`;
     canvas.style.maxWidth = `calc(75vh * ${size.width / size.height})`;
@@ -121,7 +121,7 @@ export function stage(session, look, onProblem) {
    * @returns {number | null} the nearest keypoint within reach
    */
   const under = ({ clientX, clientY }) => {
-    if (!session.evaluation || !look.layers.has("keypoints")) return null;
+    if (!session.scoring || !look.layers.has("keypoints")) return null;
     const bounds = canvas.getBoundingClientRect();
     const place = placing(/** @type {HTMLCanvasElement} */ ({ width: bounds.width, height: bounds.height }), view);
     const points = keypointsOf(session.selection.frame);

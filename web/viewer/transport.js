@@ -92,7 +92,7 @@ export function transport(session, prepare, settings, onSetting) {
   let due = 0;
   /** @param {boolean} next */
   const setPlaying = (next) => {
-    playing = next && session.evaluation !== null;
+    playing = next && session.scoring !== null;
     fill(play, icon(playing ? "icon-pause" : "icon-play"));
     play.setAttribute("aria-label", playing ? "Pause" : "Play");
     play.title = playing ? "Pause (space)" : "Play (space)";

@@ -170,8 +170,8 @@ export function showViewer(session) {
   // Following the session
 
   const showSelection = () => {
-    place.hidden = session.evaluation === null;
-    if (!session.evaluation) return;
+    place.hidden = session.evaluation === null || session.scoring === null;
+    if (place.hidden) return;
     objects.selectedIndex = session.selection.object;
     moving.update();
     sequences.update();
@@ -179,7 +179,7 @@ export function showViewer(session) {
   };
   /** What belongs to the object and the keypoint on display. */
   const showPair = () => {
-    const result = session.evaluation?.objects[session.selection.object];
+    const result = session.scoring && session.evaluation?.objects[session.selection.object];
     if (!result) return;
     const errors = session.evaluation?.errors[session.selection.object] ?? [];
     const best = result.best_keypoint === null ? "none" : `best (no. ${result.best_keypoint})`;

@@ -17,7 +17,7 @@ use crate::setup::{NPM_LOCK, WasmOpt, page_libraries, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes it.
-pub const PARTS: [Part; 3] = [
+pub const PARTS: [Part; 4] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
@@ -33,6 +33,12 @@ pub const PARTS: [Part; 3] = [
     Part {
         name: "tracklens_figures",
         feature: "web-figures",
+        profile: "wasm",
+        fast: false,
+    },
+    Part {
+        name: "tracklens_comparison",
+        feature: "web-comparison",
         profile: "wasm",
         fast: false,
     },

@@ -279,18 +279,26 @@ fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|e| Error::io(path.display(), &e))
 }
 
+/// What keypoints are read with in place of the ground truth's options.
+pub(super) struct KeypointsReading {
+    pub space: Option<Space>,
+    /// The ground truth's, if not given.
+    pub axes: Option<AxisOrder>,
+    pub index_base: Option<u64>,
+}
+
 /// Reads keypoints: a table, or the points of an NPZ file.
 pub(super) fn read_keypoints(
     path: &Path,
     arguments: &TruthArguments,
-    space: Option<Space>,
-    index_base: Option<u64>,
+    reading: &KeypointsReading,
 ) -> Result<KeypointTrack> {
     let (bytes, name) = (read(path)?, path.to_string_lossy());
     let options = TableOptions {
-        space,
-        index_base,
-        ..arguments.options()
+        space: reading.space,
+        index_base: reading.index_base,
+        axes: reading.axes.or(arguments.axis_order),
+        image_size: arguments.image_size,
     };
     let table = match bytes.starts_with(NPZ_MAGIC) {
         true => parse_npz_keypoints(&bytes, &name, &options)?,

@@ -7,10 +7,10 @@ use clap::Args;
 use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
-use super::files::{self, TruthArguments};
+use super::files::{self, KeypointsReading, TruthArguments};
 use super::painter::Painter;
 use crate::atomic;
-use crate::data::Space;
+use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::{
@@ -36,6 +36,9 @@ pub(super) struct ScoreArguments {
     /// default: 0
     #[arg(long, value_name = "N")]
     keypoints_index_base: Option<u64>,
+    /// Order of coordinates of the keypoints: xy or yx; default: --axis-order
+    #[arg(long, value_name = "ORDER")]
+    keypoints_axis_order: Option<AxisOrder>,
     #[command(flatten)]
     reading: TruthArguments,
     #[command(flatten)]
@@ -121,8 +124,11 @@ pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
     let keypoints = files::read_keypoints(
         &arguments.keypoints,
         &arguments.reading,
-        arguments.keypoints_space,
-        arguments.keypoints_index_base,
+        &KeypointsReading {
+            space: arguments.keypoints_space,
+            axes: arguments.keypoints_axis_order,
+            index_base: arguments.keypoints_index_base,
+        },
     )?;
     arguments
         .scoring

@@ -147,6 +147,14 @@ fn json(head: &[u8]) -> (Role, String, bool) {
             false,
         );
     }
+    if text.contains("\"tracklens/report/") {
+        return (
+            Role::Unknown,
+            "numbers of a comparison of runs, which is not read again; expected the folders of the runs, or their evaluations"
+                .to_owned(),
+            false,
+        );
+    }
     let is_coco = ["\"images\"", "\"annotations\"", "\"categories\""]
         .iter()
         .any(|key| text.contains(key));

@@ -101,7 +101,9 @@ pub fn stratified_interval(
     statistic: impl Fn(&[Vec<f64>]) -> Result<f64>,
 ) -> Result<[f64; 2]> {
     let mut rng = Rng::with_seed(seed);
-    interval_of_draws(strata, resamples, level, |count| rng.usize(0..count), statistic)
+    // A `usize` would be drawn otherwise where it has 32 bits.
+    let draw = |count: usize| rng.u64(0..count as u64) as usize;
+    interval_of_draws(strata, resamples, level, draw, statistic)
 }
 
 /// [`stratified_interval`] with the positions that are drawn given: `draw(n)` is one below n.

@@ -1,5 +1,6 @@
 //! Results and figures, the same for the terminal and the page.
 
+mod decades;
 mod document;
 mod evaluation;
 mod figure;

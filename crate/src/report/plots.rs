@@ -8,7 +8,6 @@ use plotters::backend::SVGBackend;
 use plotters::chart::{ChartBuilder, ChartContext};
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
-use plotters::coord::combinators::{IntoLogRange, LogCoord};
 use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Rectangle};
@@ -16,6 +15,7 @@ use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
+use super::decades::{Decades, tick};
 use super::figures::{Figure, file_name};
 use super::measured::Measured;
 use super::runs::{Group, Run, Runs};
@@ -29,6 +29,8 @@ const SMOOTHING: f64 = 2.5;
 const FEW: usize = 8;
 /// Values below this are drawn here on logarithmic axes.
 const FLOOR: f64 = 1e-5;
+/// Room around the values on logarithmic axes, as a factor.
+const MARGIN: f64 = 1.2;
 
 const PALETTE: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -53,7 +55,7 @@ const LEGEND: u32 = 34;
 pub(super) type Backend<'a> = Measured<SVGBackend<'a>>;
 type Area<'a> = DrawingArea<Backend<'a>, Shift>;
 pub(super) type Done = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
-type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, LogCoord<f64>>>;
+type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, Decades>>;
 
 /// All figures of the runs.
 ///
@@ -127,28 +129,9 @@ fn panels(
     Ok(svg)
 }
 
-/// A logarithmic axis of whole decades around positive values: plotters marks the powers of ten alone.
-fn log_range(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
-    for value in values.filter(|v| v.is_finite()) {
-        low = low.min(value.max(FLOOR));
-        high = high.max(value);
-    }
-    if low > high {
-        return FLOOR..1.0;
-    }
-    let decade = |value: f64| 10.0_f64.powf(value);
-    decade((low / 1.2).log10().floor())..decade((high.max(low) * 1.2).log10().ceil())
-}
-
-/// A number on a logarithmic axis.
-fn tick(value: f64) -> String {
-    if (0.001..1000.0).contains(&value) {
-        let digits = (-value.log10().floor()).max(0.0) as usize;
-        format!("{value:.digits$}")
-    } else {
-        format!("{value:.0e}")
-    }
+/// The axis of positive values.
+fn log_axis(values: impl Iterator<Item = f64>) -> Decades {
+    Decades::around(values, FLOOR, MARGIN)
 }
 
 fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
@@ -170,8 +153,8 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
         |k, panel| {
             let (name, threshold) = &objects[k];
             let epochs = all[k].iter().map(Vec::len).max().unwrap_or(1).max(2);
-            let range = log_range(all[k].iter().flatten().copied().chain([*threshold]));
-            let mut chart = log_chart(panel, name, 1.0..epochs as f64, range)?;
+            let axis = log_axis(all[k].iter().flatten().copied().chain([*threshold]));
+            let mut chart = log_chart(panel, name, 1.0..epochs as f64, axis)?;
             chart
                 .configure_mesh()
                 .bold_line_style(GRID)
@@ -220,9 +203,9 @@ fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
                 .iter()
                 .map(|group| group.runs.iter().filter_map(|run| run.errors[k]).collect())
                 .collect();
-            let range = log_range(errors.iter().flatten().copied().chain([*threshold]));
+            let axis = log_axis(errors.iter().flatten().copied().chain([*threshold]));
             let end = groups.len() as f64;
-            let mut chart = log_chart(panel, name, 0.0..end, range)?;
+            let mut chart = log_chart(panel, name, 0.0..end, axis)?;
             chart
                 .configure_mesh()
                 .disable_x_mesh()
@@ -386,13 +369,13 @@ fn profiles(runs: &Runs, report: &RunsReport) -> Result<Figure> {
                 .iter()
                 .map(|group| group.runs.iter().filter_map(|run| run.errors[k]).collect())
                 .collect();
-            let range = log_range(all.iter().flatten().copied().chain([*threshold]));
+            let axis = log_axis(all.iter().flatten().copied().chain([*threshold]));
             let mut chart = ChartBuilder::on(panel)
                 .margin(EM / 2)
                 .caption(name, text())
                 .x_label_area_size(3 * EM)
                 .y_label_area_size(4 * EM)
-                .build_cartesian_2d(range.clone().log_scale(), 0.0..1.02)?;
+                .build_cartesian_2d(axis, 0.0..1.02)?;
             chart
                 .configure_mesh()
                 .bold_line_style(GRID)
@@ -415,13 +398,13 @@ fn profiles(runs: &Runs, report: &RunsReport) -> Result<Figure> {
                 let mut taus: Vec<f64> = errors.iter().copied().filter(|e| e.is_finite()).collect();
                 taus.sort_by(f64::total_cmp);
                 let shares = performance_profile(errors, &taus).unwrap_or_default();
-                let mut points = vec![(range.start, 0.0)];
+                let mut points = vec![(axis.low(), 0.0)];
                 let mut before = 0.0;
                 for (tau, share) in taus.iter().zip(shares) {
                     points.extend([(tau.max(FLOOR), before), (tau.max(FLOOR), share)]);
                     before = share;
                 }
-                points.push((range.end, before));
+                points.push((axis.high(), before));
                 chart.draw_series(LineSeries::new(points, color(i).stroke_width(2)))?;
             }
             let line = [(*threshold, 0.0), (*threshold, 1.02)];
@@ -456,7 +439,7 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
     let svg = panels(1, 2 * PANEL[0], PANEL[1], &colors, |_, panel| {
         let values = losses.iter().flatten().flatten().copied();
         let epochs = losses.iter().flatten().map(Vec::len).max().unwrap_or(1).max(2);
-        let mut chart = log_chart(panel, "", 1.0..epochs as f64, log_range(values))?;
+        let mut chart = log_chart(panel, "", 1.0..epochs as f64, log_axis(values))?;
         chart
             .configure_mesh()
             .bold_line_style(GRID)
@@ -492,7 +475,7 @@ fn log_chart<'a, 'b>(
     panel: &'a Area<'b>,
     title: &str,
     x: Range<f64>,
-    y: Range<f64>,
+    y: Decades,
 ) -> std::result::Result<Chart<'a, 'b, RangedCoordf64>, DrawingAreaErrorKind<std::io::Error>> {
     let mut builder = ChartBuilder::on(panel);
     builder
@@ -503,7 +486,7 @@ fn log_chart<'a, 'b>(
     if !title.is_empty() {
         builder.caption(title, text());
     }
-    builder.build_cartesian_2d(x, y.log_scale())
+    builder.build_cartesian_2d(x, y)
 }
 
 fn dashed<'b>(chart: &mut Chart<'_, 'b, RangedCoordf64>, line: [(f64, f64); 2]) -> Done {

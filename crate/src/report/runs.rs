@@ -192,7 +192,11 @@ impl Run {
         }
         let (a, b) = match (&self.config, &other.config) {
             (Some(a), Some(b)) => (a, b),
-            (None, None) => return None,
+            (None, None) => {
+                let map = |run: &Self| run.evaluation.as_ref().map(|e| e.transform.clone());
+                let (a, b) = (map(self)?, map(other)?);
+                return (a != b).then(|| format!("one is scored under the map `{a}`, the other under `{b}`"));
+            }
             _ => {
                 return Some(
                     "one is scored on its validation sequences, the other on the frames here".to_owned(),

@@ -1,9 +1,11 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
-//! in the workers, figures once there is something to draw, extraction on the GPU where there is one. Objects of one part
-//! mean nothing to another one.
+//! in the workers, figures once there is something to draw, comparison with the first runs, extraction on the GPU where
+//! there is one. Objects of one part mean nothing to another one.
 
+#[cfg(feature = "web-comparison")]
+mod comparison;
 #[cfg(feature = "web-scoring")]
 mod containers;
 #[cfg(feature = "web-extraction")]
@@ -20,7 +22,7 @@ mod files;
 mod frames;
 #[cfg(feature = "web-gpu")]
 mod gpu;
-#[cfg(feature = "web-scoring")]
+#[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
 #[cfg(feature = "web-scoring")]
 mod scoring;
@@ -55,7 +57,12 @@ fn js_error(error: &Error) -> JsValue {
 }
 
 /// Plain JavaScript objects; `None` becomes null.
-#[cfg(any(feature = "web-scoring", feature = "web-extraction", feature = "web-figures"))]
+#[cfg(any(
+    feature = "web-scoring",
+    feature = "web-extraction",
+    feature = "web-figures",
+    feature = "web-comparison"
+))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)

@@ -1,10 +1,16 @@
 //! Everyone can use the page: axe-core finds no barrier, it fits a phone, text can be enlarged.
 
+#[path = "../../shared/runs.rs"]
+mod runs;
+
 use std::fs;
-use std::path::PathBuf;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Browser, Page, in_every_browser, site};
+use tracklens_page_tests::{Browser, Page, example, in_every_browser, site, tracklens};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 in_every_browser! {
     no_state_of_the_page_has_a_barrier
@@ -55,6 +61,50 @@ async fn has_no_barrier(page: &Page, state: &str) {
     assert!(found.is_empty(), "{state}:\n{}", found.join("\n"));
 }
 
+/// Writes an evaluation of the example with everything there is.
+fn save(file: &Path) {
+    let [checkpoint, frames, truth] = ["checkpoint.safetensors", "frames", "ground_truth.csv"]
+        .map(|name| example(name).to_string_lossy().into_owned());
+    let printed = tracklens(&[
+        "eval",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--truth",
+        &truth,
+        "--sequences",
+        "--context",
+        "--folds",
+        "4",
+        "--bootstrap",
+        "50",
+        "--json",
+    ]);
+    fs::write(file, printed).expect("written");
+}
+
+/// Puts a folder of folders of files into an archive.
+fn pack(folder: &Path, archive: &Path) {
+    let mut zip = ZipWriter::new(fs::File::create(archive).expect("an archive"));
+    let mut waiting = vec![folder.to_owned()];
+    while let Some(path) = waiting.pop() {
+        if path.is_dir() {
+            waiting.extend(
+                fs::read_dir(&path)
+                    .expect("a folder")
+                    .map(|e| e.expect("an entry").path()),
+            );
+            continue;
+        }
+        let name = path.strip_prefix(folder).expect("a file in it").to_string_lossy();
+        zip.start_file(name, SimpleFileOptions::default())
+            .expect("an entry");
+        zip.write_all(&fs::read(&path).expect("a file")).expect("written");
+    }
+    zip.finish().expect("an archive");
+}
+
 async fn in_scheme(page: &Page, scheme: &str) {
     // Without motion, or axe sees colours on their way from one scheme to the other.
     let features = json!({ "features": [
@@ -100,6 +150,27 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
         .await;
     page.until_text("column y missing").await;
     check("errors").await;
+
+    page.click("#start-over").await;
+    let saved = ["ours.json", "theirs.json"].map(|name| folder.path().join(name));
+    saved.iter().for_each(|file| save(file));
+    page.pick(&[&saved[0], &saved[1]]).await;
+    page.until_scored().await;
+    page.until("document.querySelector('#comparison').dataset.complete === '2'")
+        .await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    check("saved evaluations").await;
+
+    page.click("#start-over").await;
+    // Firefox's driver takes no folders.
+    let archive = folder.path().join("runs.zip");
+    runs::sweep(&folder.path().join("runs"));
+    pack(&folder.path().join("runs"), &archive);
+    page.pick(&[&archive]).await;
+    page.until("document.querySelector('#comparison').dataset.complete === '10'")
+        .await;
+    check("runs").await;
     page.close().await;
 }
 
@@ -121,6 +192,15 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
         .await;
     fits("empty on a phone").await;
+    let kept = tempfile::tempdir().expect("a folder");
+    let saved = kept.path().join("evaluation.json");
+    save(&saved);
+    page.pick(&[&saved]).await;
+    page.until_scored().await;
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        .await;
+    fits("a saved evaluation on a phone").await;
+    page.click("#start-over").await;
     page.click("#try-example").await;
     page.until_scored().await;
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
@@ -128,6 +208,12 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
         .await;
     fits("results on a phone").await;
+    let folder = tempfile::tempdir().expect("a folder");
+    runs::sweep(folder.path());
+    page.pick_folder(folder.path()).await;
+    page.until("document.querySelector('#comparison').dataset.complete === '10'")
+        .await;
+    fits("runs on a phone").await;
     let window = json!({ "width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": false });
     page.cdp("Emulation.setDeviceMetricsOverride", window).await;
     page.value("document.documentElement.style.fontSize = '200%'")

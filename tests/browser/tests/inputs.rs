@@ -213,32 +213,108 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     page.close().await;
 }
 
+/// Points by frame, in pixels of images of 256 x 256.
+struct Points {
+    names: Vec<String>,
+    /// Sequence, frame, and (x, y) of every name.
+    rows: Vec<(String, u64, Vec<[f64; 2]>)>,
+}
+
+impl Points {
+    /// Of a table in ndc with one row a point, which all frames have in one order.
+    fn of(table: &str) -> Self {
+        let (mut names, mut rows) = (Vec::new(), Vec::<(String, u64, Vec<[f64; 2]>)>::new());
+        for line in table.lines().skip(1) {
+            let fields: Vec<&str> = line.split(',').collect();
+            let frame = fields[1].parse().expect("a frame");
+            if !names.iter().any(|name| name == fields[2]) {
+                names.push(fields[2].to_owned());
+            }
+            let px = |text: &str| (text.parse::<f64>().expect("a number") + 1.0) * 128.0 - 0.5;
+            let point = [px(fields[3]), px(fields[4])];
+            match rows.last_mut() {
+                Some((sequence, last, points)) if *sequence == fields[0] && *last == frame => {
+                    points.push(point);
+                }
+                _ => rows.push((fields[0].to_owned(), frame, vec![point])),
+            }
+        }
+        Self { names, rows }
+    }
+
+    fn of_the_example() -> Self {
+        Self::of(&fs::read_to_string(example("ground_truth.csv")).expect("a table"))
+    }
+
+    fn cells(points: &[[f64; 2]]) -> String {
+        let cells: Vec<String> = points.iter().map(|[x, y]| format!("{x},{y}")).collect();
+        cells.join(",")
+    }
+
+    /// As DeepLabCut's labels; of several animals where `individuals` are given, one for each name.
+    fn deeplabcut(&self, individuals: &[&str]) -> String {
+        let twice = |texts: &[&str]| texts.iter().map(|t| format!(",{t},{t}")).collect::<String>();
+        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        let scorer = twice(&vec!["me"; names.len()]);
+        let axes = ",x,y".repeat(names.len());
+        let mut out = format!("scorer{scorer}\n");
+        if !individuals.is_empty() {
+            out += &format!("individuals{}\n", twice(individuals));
+        }
+        out += &format!("bodyparts{}\ncoords{axes}\n", twice(&names));
+        for (sequence, frame, points) in &self.rows {
+            let cells = Self::cells(points);
+            out += &format!("labeled-data/{sequence}/img{frame:03}.png,{cells}\n");
+        }
+        out
+    }
+
+    /// As COCO keypoints.
+    fn coco(&self) -> String {
+        let (mut images, mut annotations) = (Vec::new(), Vec::new());
+        for (i, (sequence, frame, points)) in self.rows.iter().enumerate() {
+            let name = format!("{sequence}/frame_{frame:03}.png");
+            images.push(serde_json::json!({ "id": i, "file_name": name, "width": 256, "height": 256 }));
+            let keypoints: Vec<f64> = points.iter().flat_map(|[x, y]| [*x, *y, 2.0]).collect();
+            annotations.push(serde_json::json!({
+                "id": i, "image_id": i, "category_id": 1, "keypoints": keypoints, "num_keypoints": points.len(),
+            }));
+        }
+        let categories =
+            serde_json::json!([{ "id": 1, "name": "scene", "keypoints": self.names, "skeleton": [] }]);
+        serde_json::json!({ "images": images, "annotations": annotations, "categories": categories })
+            .to_string()
+    }
+}
+
 /// The ground truth of the example with one row a frame, in pixels of 256 x 256, (y, x), frames from 1.
 fn odd_table() -> String {
-    let table = fs::read_to_string(example("ground_truth.csv")).expect("a table");
-    let mut rows: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
-    let mut names: Vec<String> = Vec::new();
-    for line in table.lines().skip(1) {
-        let fields: Vec<&str> = line.split(',').collect();
-        let frame: u64 = fields[1].parse().expect("a frame");
-        let key = format!("{},{}", fields[0], frame + 1);
-        if !names.contains(&fields[2].to_owned()) {
-            names.push(fields[2].to_owned());
-        }
-        let px = |text: &str| (text.parse::<f64>().expect("a number") + 1.0) * 128.0 - 0.5;
-        let point = [px(fields[4]), px(fields[3])];
-        match rows.last_mut() {
-            Some((last, points)) if *last == key => points.push(point),
-            _ => rows.push((key, vec![point])),
-        }
-    }
+    let Points { names, rows } = Points::of_the_example();
     let columns: Vec<String> = names.iter().map(|n| format!("{n}_x,{n}_y")).collect();
     let mut out = format!("sequence,frame,{}\n", columns.join(","));
-    for (key, points) in rows {
-        let points: Vec<String> = points.iter().map(|[a, b]| format!("{a},{b}")).collect();
-        out += &format!("{key},{}\n", points.join(","));
+    for (sequence, frame, points) in rows {
+        let swapped: Vec<[f64; 2]> = points.iter().map(|[x, y]| [*y, *x]).collect();
+        out += &format!("{sequence},{},{}\n", frame + 1, Points::cells(&swapped));
     }
     out
+}
+
+/// What the command gives that the page shows, run where the files are; with its words.
+async fn repeated(page: &Page, files: &[(&str, &Path)]) -> (Value, String) {
+    page.until("document.querySelector('#command')?.textContent")
+        .await;
+    let shown = page.value("document.querySelector('#command').textContent").await;
+    let shown = shown.as_str().expect("a command").to_owned();
+    let words: Vec<String> = shown
+        .split(' ')
+        .skip(1)
+        .map(|word| match files.iter().find(|(name, _)| *name == word) {
+            Some((_, path)) => text(path),
+            None => word.to_owned(),
+        })
+        .collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    (json(&words), shown)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -283,6 +359,171 @@ async fn guesses_are_marked_and_can_be_corrected() {
         "1",
     ]);
     shows(&page, &expected, ERRORS).await;
+
+    // The command that is shown has the corrections.
+    let files = [
+        ("odd.csv", &*truth),
+        ("frames", Path::new(&frames)),
+        ("checkpoint.safetensors", Path::new(&checkpoint)),
+    ];
+    let (again, command) = repeated(&page, &files).await;
+    assert!(
+        command.contains("--space px --axis-order yx --index-base 1"),
+        "{command}"
+    );
+    assert_eq!(again["objects"], expected["objects"]);
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_command_repeats_what_was_corrected_in_both_tables() {
+    let [frames, _, checkpoint] = inputs();
+    let folder = Folder::new();
+    let truth = folder.put("odd.csv", odd_table().as_bytes());
+    let keypoints = folder.0.path().join("kp.csv");
+    tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--out",
+        &text(&keypoints),
+        "--quiet",
+    ]);
+    let page = Page::open().await;
+    page.pick_folder(Path::new(&frames)).await;
+    page.pick(&[&truth, &keypoints]).await;
+    page.until("document.querySelector('#files [data-role=keypoints][data-state=used]')")
+        .await;
+    for (name, value) in [("space", "px"), ("axisOrder", "yx"), ("indexBase", "1")] {
+        correct(&page, "ground-truth", name, value).await;
+        page.until(&format!(
+            "document.querySelector('#files [data-role=ground-truth] select[name={name}]')?.value === '{value}'"
+        ))
+        .await;
+    }
+    // Not every map takes up swapped axes.
+    page.value("document.querySelector('#transform input[value=scale-translate]').click()")
+        .await;
+    let files = [("odd.csv", &*truth), ("kp.csv", &*keypoints)];
+    for (axes, said) in [("xy", false), ("yx", true)] {
+        if said {
+            correct(&page, "keypoints", "axisOrder", axes).await;
+        }
+        page.until(&format!(
+            "document.querySelector('#command')?.textContent.includes('--keypoints-axis-order {axes}')"
+        ))
+        .await;
+        let (again, command) = repeated(&page, &files).await;
+        for option in [
+            "--space px --axis-order yx --index-base 1",
+            "--image-size 256x256",
+            "--transform scale-translate",
+        ] {
+            assert!(command.contains(option), "{option} in {command}");
+        }
+        shows(&page, &again, 1e-12).await;
+    }
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn deeplabcut_and_coco_score_as_the_tidy_table_and_as_in_the_terminal() {
+    let [frames, _, checkpoint] = inputs();
+    let folder = Folder::new();
+    let points = Points::of_the_example();
+    let same = evaluation_of_the_example();
+    let page = Page::open().await;
+    page.pick_folder(Path::new(&frames)).await;
+    page.pick(&[Path::new(&checkpoint)]).await;
+    for (name, table) in [
+        ("labels.csv", points.deeplabcut(&[])),
+        ("animals.csv", points.deeplabcut(&["single"; 3])),
+        ("coco.json", points.coco()),
+    ] {
+        let file = folder.put(name, table.as_bytes());
+        page.pick(&[&file]).await;
+        page.until(&format!(
+            "document.querySelector('#files [data-role=ground-truth]')?.dataset.path === '{name}'"
+        ))
+        .await;
+        // That it is a ground truth is a guess; the unit is the layout's.
+        let chosen = "document.querySelector('#files [data-role=ground-truth] select[name=space]').value";
+        page.until(&format!("{chosen} === 'px'")).await;
+        page.until("document.querySelector('#files [data-role=ground-truth] .guess')")
+            .await;
+        let expected = json(&[
+            "eval",
+            "--checkpoint",
+            &checkpoint,
+            "--frames",
+            &frames,
+            "--truth",
+            &text(&file),
+        ]);
+        shows(&page, &expected, ERRORS).await;
+        for k in 0..3 {
+            let [a, b] = [&expected, &same].map(|e| e["objects"][k]["error"].as_f64().expect("a number"));
+            // Pixels and back cost some digits.
+            assert!((a - b).abs() < 1e-9, "{name}: {a} {b}");
+        }
+        page.click("#files [data-role=ground-truth] .icon-button").await;
+        page.until("!document.querySelector('#files [data-role=ground-truth]')")
+            .await;
+    }
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn keypoints_of_deeplabcut_and_coco_score_as_in_the_terminal() {
+    let [frames, truth, checkpoint] = inputs();
+    let folder = Folder::new();
+    let tidy = folder.0.path().join("kp.csv");
+    tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--out",
+        &text(&tidy),
+        "--quiet",
+    ]);
+    let points = Points::of(&fs::read_to_string(&tidy).expect("a table"));
+    let page = Page::open().await;
+    page.pick_folder(Path::new(&frames)).await;
+    page.pick(&[Path::new(&truth)]).await;
+    page.until("document.querySelector('#files [data-role=ground-truth][data-state=used]')")
+        .await;
+    for (name, table) in [
+        ("detector.csv", points.deeplabcut(&[])),
+        ("detector.json", points.coco()),
+    ] {
+        let file = folder.put(name, table.as_bytes());
+        page.pick(&[&file]).await;
+        // Taken for another ground truth, until somebody says otherwise.
+        page.until("document.querySelector('#files [data-state=spare]')")
+            .await;
+        page.value(
+            "(() => { const select = document.querySelector('#files [data-state=spare] select[name=role]'); \
+             select.value = 'keypoints'; select.dispatchEvent(new Event('change', { bubbles: true })); })()",
+        )
+        .await;
+        let expected = json(&[
+            "score",
+            "--truth",
+            &truth,
+            "--keypoints",
+            &text(&file),
+            "--image-size",
+            "256x256",
+        ]);
+        shows(&page, &expected, 1e-12).await;
+        page.click("#files [data-role=keypoints] .icon-button").await;
+        page.until("!document.querySelector('#files [data-role=keypoints]')")
+            .await;
+    }
     page.close().await;
 }
 

@@ -429,7 +429,9 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     let page_two = Page::open().await;
     fs::remove_dir_all(&sequence).expect("removed");
     page_two.pick_folder(&recording).await;
-    page_two.until_text("not an image, a table or a checkpoint").await;
+    page_two
+        .until_text("not an image, a table, a checkpoint or a result")
+        .await;
     // A copy beside its original: nobody knows which rows the frames after it belong to.
     let doubled = folder.path().join("doubled").join("seq_0002");
     fs::create_dir_all(&doubled).expect("a folder");

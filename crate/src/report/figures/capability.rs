@@ -1,15 +1,15 @@
 //! TC over a common factor of the thresholds.
 
 use plotters::chart::ChartBuilder;
-use plotters::coord::combinators::IntoLogRange;
 use plotters::element::{Circle, PathElement};
 use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
-use super::{Drawn, Theme, anchored, decades, document, place, tick, width_of};
+use super::{Drawn, Theme, anchored, document, place, width_of};
 use crate::error::Result;
 use crate::report::EvaluationReport;
+use crate::report::decades::{Decades, tick};
 
 /// Factors below are drawn here.
 const FLOOR: f64 = 1e-4;
@@ -34,7 +34,8 @@ pub fn capability(
         .collect();
     let count = report.objects.len().max(1) as f64;
     let all = same.iter().chain(&held_out).map(|(ratio, _)| *ratio);
-    let [low, high] = decades(all.chain([0.5, 2.0]), FLOOR);
+    let axis = Decades::around(all.chain([0.5, 2.0]), FLOOR, 1.0);
+    let [low, high] = [axis.low(), axis.high()];
     let ink = theme.foreground.rgb();
     let dashes = |color: RGBColor| ShapeStyle::from(&color).stroke_width(1);
 
@@ -45,7 +46,7 @@ pub fn capability(
             .margin_right(em)
             .x_label_area_size(3 * em)
             .y_label_area_size(4 * em)
-            .build_cartesian_2d((low..high).log_scale(), 0.0..1.0)?;
+            .build_cartesian_2d(axis, 0.0..1.0)?;
         chart
             .configure_mesh()
             .bold_line_style(theme.grid.rgb())

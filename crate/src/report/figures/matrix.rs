@@ -5,9 +5,10 @@ use plotters::style::colors::colormaps::{ColorMap, ViridisRGB};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
-use super::{Drawn, Theme, anchored, document, fitted, ink_on, short, tick, width_of};
+use super::{Drawn, Theme, anchored, document, fitted, ink_on, short, width_of};
 use crate::error::Result;
 use crate::report::EvaluationReport;
+use crate::report::decades::{above, below, power, tick};
 
 /// Errors below this share of the largest have the brightest colour.
 const SPAN: f64 = 1e-6;
@@ -138,11 +139,11 @@ pub fn matrix(
             ))?;
         }
         let style = muted.pos(anchored(HPos::Center, VPos::Top));
-        let first = low.log10().ceil() as i32;
-        let last = high.log10().floor() as i32;
+        let first = above(low);
+        let last = below(high);
         let mut free = i32::MIN;
-        for power in first..=last {
-            let value = 10.0_f64.powi(power);
+        for exponent in first..=last {
+            let value = power(exponent);
             let x = left + ((1.0 - share(value)) * f64::from(length - 1)) as i32;
             let label = tick(value);
             let half = width_of(&label, em) / 2;

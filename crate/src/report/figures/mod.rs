@@ -14,6 +14,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, TextStyle};
 use serde::{Deserialize, Serialize};
 
+use super::decades::below;
 use super::evaluation::EvaluationReport;
 use super::figure::Color;
 use super::measured::{ADVANCE, Measured};
@@ -211,41 +212,16 @@ fn anchored(h: HPos, v: VPos) -> Pos {
     Pos::new(h, v)
 }
 
-/// A number on a logarithmic axis: a power of ten.
-fn tick(value: f64) -> String {
-    if (0.001..100_000.0).contains(&value) {
-        let digits = (-value.log10()).ceil().max(0.0) as usize;
-        format!("{value:.digits$}")
-    } else {
-        format!("{value:.0e}")
-    }
-}
-
 /// An error as it stands in a cell: two significant digits.
 fn short(value: f64) -> String {
     if value == 0.0 {
         "0".to_owned()
     } else if (1e-3..1e4).contains(&value) {
-        let digits = (1.0 - value.log10().floor()).max(0.0) as usize;
+        let digits = (1 - below(value)).max(0) as usize;
         format!("{value:.digits$}")
     } else {
         format!("{value:.0e}")
     }
-}
-
-/// Whole decades around positive values.
-fn decades(values: impl Iterator<Item = f64>, floor: f64) -> [f64; 2] {
-    let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
-    for value in values.filter(|v| v.is_finite()) {
-        low = low.min(value.max(floor));
-        high = high.max(value.max(floor));
-    }
-    if low > high {
-        return [floor, 1.0];
-    }
-    let power = |value: f64| 10.0_f64.powf(value);
-    let [low, high] = [low.log10().floor(), high.log10().ceil()];
-    [power(low), power(high.max(low + 1.0))]
 }
 
 /// Black or white, whichever can be read on `color`.

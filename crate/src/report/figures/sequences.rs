@@ -1,13 +1,13 @@
 //! The error of one object by sequence, the worst one first.
 
 use plotters::chart::ChartBuilder;
-use plotters::coord::combinators::IntoLogRange;
 use plotters::element::{Circle, PathElement};
 use plotters::series::DashedLineSeries;
 use plotters::style::{Color as _, ShapeStyle};
 
-use super::{Drawn, Theme, decades, document, place, tick};
+use super::{Drawn, Theme, document, place};
 use crate::error::Result;
+use crate::report::decades::{Decades, tick};
 
 /// Errors below are drawn here.
 const FLOOR: f64 = 1e-7;
@@ -26,7 +26,8 @@ pub fn sequences(
 ) -> Result<Drawn> {
     let em = theme.em();
     let count = errors.len().max(1) as f64;
-    let [low, high] = decades(errors.iter().copied().chain([threshold]), FLOOR);
+    let axis = Decades::around(errors.iter().copied().chain([threshold]), FLOOR, 1.0);
+    let [low, high] = [axis.low(), axis.high()];
     document([width, 19 * theme.em() as u32], theme, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(em / 2)
@@ -34,7 +35,7 @@ pub fn sequences(
             .margin_right(em)
             .x_label_area_size(3 * em)
             .y_label_area_size(5 * em)
-            .build_cartesian_2d(0.0..count, (low..high).log_scale())?;
+            .build_cartesian_2d(0.0..count, axis)?;
         chart
             .configure_mesh()
             .disable_x_mesh()

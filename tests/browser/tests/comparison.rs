@@ -1,0 +1,348 @@
+//! Runs side by side in the page, against `tracklens report` and `tracklens score` on the same files.
+
+#[path = "../../shared/runs.rs"]
+mod runs;
+
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use runs::{config, sweep, write_run};
+use serde_json::{Value, json};
+use tracklens_page_tests::{Page, example, tracklens};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+/// Keeps what the page saves.
+const KEEP: &str = "
+  globalThis.__saved = {};
+  const make = URL.createObjectURL;
+  URL.createObjectURL = (blob) => { globalThis.__blob = blob; return make.call(URL, blob); };
+  HTMLAnchorElement.prototype.click = function () { globalThis.__saved[this.download] = globalThis.__blob; };
+";
+
+fn text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+async fn until_compared(page: &Page, complete: usize) {
+    page.until(&format!(
+        "document.querySelector('#comparison').dataset.complete === '{complete}'"
+    ))
+    .await;
+}
+
+/// The text of the rows of a table, cell by cell.
+async fn rows(page: &Page, table: &str) -> Vec<Vec<String>> {
+    let script = format!(
+        "[...document.querySelectorAll('#{table} tbody tr')].map((r) => [...r.cells].map((c) => c.textContent))"
+    );
+    serde_json::from_value(page.value(&script).await).expect("a table")
+}
+
+/// What the page saved under a name.
+async fn saved(page: &Page, name: &str) -> String {
+    page.until(&format!("globalThis.__saved['{name}']")).await;
+    let read = format!("(globalThis.__saved['{name}'].text().then((t) => globalThis.__text = t), true)");
+    page.value(&format!("(globalThis.__text = null, {read})")).await;
+    page.until("globalThis.__text !== null").await;
+    page.value("globalThis.__text")
+        .await
+        .as_str()
+        .expect("a text")
+        .to_owned()
+}
+
+/// Numbers without the names of runs, which are paths in the terminal.
+fn numbers(mut report: Value) -> Value {
+    for group in report["groups"].as_array_mut().expect("groups") {
+        for key in ["runs", "incomplete"] {
+            for run in group[key].as_array_mut().expect("runs") {
+                run["name"] = json!(null);
+            }
+        }
+    }
+    fn as_floats(value: &mut Value) {
+        match value {
+            // JavaScript writes 1 for 1.0.
+            Value::Number(number) => *value = json!(number.as_f64()),
+            Value::Array(values) => values.iter_mut().for_each(as_floats),
+            Value::Object(values) => values.values_mut().for_each(as_floats),
+            _ => {}
+        }
+    }
+    as_floats(&mut report);
+    report["unread"] = json!(report["unread"].as_array().map(Vec::len));
+    report
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn folders_of_runs_compare_as_in_the_terminal() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    sweep(&runs);
+    // One failed, one whose log breaks off, one that cannot be read.
+    let failed = runs.join("basic/seed-05.partial");
+    write_run(&failed, "basic", 5, 4);
+    fs::remove_file(failed.join("summary.json")).expect("removed");
+    fs::write(failed.join("error.txt"), "the loss is not a number\n").expect("written");
+    let cut = runs.join("basic/seed-00/log.jsonl");
+    let log = fs::read(&cut).expect("a log");
+    fs::write(&cut, &log[..log.len() - 20]).expect("written");
+    let damaged = runs.join("dsae/seed-00");
+    write_run(&damaged, "dsae", 0, 4);
+    fs::write(damaged.join("config.json"), "{").expect("written");
+    // What else lies in the folder of a run is none of the page's checkpoints.
+    fs::write(runs.join("basic/seed-01/checkpoint_final.safetensors"), "weights").expect("written");
+    tracklens(&["report", &text(&runs), "--out", &text(&out)]);
+    let report: Value =
+        serde_json::from_slice(&fs::read(out.join("report.json")).expect("a report")).expect("JSON");
+
+    let page = Page::open_with(KEEP).await;
+    page.pick_folder(&runs).await;
+    until_compared(&page, 9).await;
+    assert_eq!(
+        page.value("document.querySelectorAll('#files > *').length").await,
+        json!(0)
+    );
+    let dropped = page
+        .value("document.querySelector('#runs-dropped').textContent")
+        .await;
+    let dropped = dropped.as_str().expect("a text");
+    for said in [
+        "3 runs that do not count",
+        "runs/basic/seed-05.partial: it failed: the loss is not a number, after epoch 4 of 4",
+        "runs/basic/seed-00: its log breaks off (line 4",
+        "runs/dsae/seed-00: config.json cannot be read",
+    ] {
+        assert!(dropped.contains(said), "{said} in {dropped}");
+    }
+    let shown = rows(&page, "capability-table").await;
+    for (row, group) in shown.iter().zip(report["groups"].as_array().expect("groups")) {
+        assert_eq!(row[0], group["name"].as_str().expect("a name"));
+        let number = |value: &Value| value.as_f64().expect("a number");
+        let [low, high] = [0, 1].map(|end| number(&group["tc_interval"][end]));
+        assert_eq!(row[2], format!("{:.3} {low:.3}–{high:.3}", number(&group["tc"])));
+    }
+    assert_eq!(shown.len(), 2);
+
+    // All numbers, and the figures as documents: the same code made them.
+    page.click("#save-runs-json").await;
+    let own: Value = serde_json::from_str(&saved(&page, "report.json").await).expect("JSON");
+    assert_eq!(numbers(own), numbers(report));
+    for name in [
+        "boxplots",
+        "tracking-capability",
+        "errors-basic",
+        "reconstruction-loss",
+    ] {
+        page.click(&format!("[data-save='{name}.svg']")).await;
+        let svg = saved(&page, &format!("{name}.svg")).await;
+        assert_eq!(
+            svg,
+            fs::read_to_string(out.join(format!("{name}.svg"))).expect("a figure"),
+            "{name}"
+        );
+    }
+    page.click("[data-save='boxplots.png']").await;
+    page.until("globalThis.__saved['boxplots.png']?.type === 'image/png' && globalThis.__saved['boxplots.png'].size > 4000")
+        .await;
+    page.click("#save-runs-html").await;
+    assert!(
+        saved(&page, "report.html")
+            .await
+            .contains("Runs that do not count")
+    );
+
+    page.click("#remove-runs").await;
+    page.until("document.querySelector('#comparison').hidden").await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn runs_are_sorted_and_grouped_and_kept_apart_by_data() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let runs = folder.path().join("runs");
+    for seed in 0..2 {
+        write_run(&runs.join(format!("short/seed-{seed}")), "basic", seed, 4);
+        write_run(&runs.join(format!("long/seed-{seed}")), "basic", seed, 6);
+    }
+    let page = Page::open().await;
+    page.pick_folder(&runs).await;
+    until_compared(&page, 4).await;
+    let groups = || async {
+        let shown = rows(&page, "capability-table").await;
+        shown.into_iter().map(|row| row[0].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(groups().await, ["basic (epochs 4)", "basic (epochs 6)"]);
+    for (by, expected) in [
+        ("name", vec!["long", "short"]),
+        ("architecture", vec!["basic"]),
+        ("epochs", vec!["epochs 4", "epochs 6"]),
+    ] {
+        let choose = format!(
+            "(() => {{ const s = document.querySelector('#compare-group'); s.value = '{by}'; \
+             s.dispatchEvent(new Event('change')); return true; }})()"
+        );
+        page.value(&choose).await;
+        let last = expected.last().expect("a group");
+        page.until(&format!(
+            "document.querySelector('#capability-table tbody tr:last-child th').textContent === '{last}'"
+        ))
+        .await;
+        assert_eq!(groups().await, expected, "{by}");
+    }
+
+    // By the error of the cube, up and down.
+    let header = "#run-table thead th:nth-child(7) button";
+    let errors = || async {
+        let shown = rows(&page, "run-table").await;
+        shown
+            .iter()
+            .map(|row| row[6].parse::<f64>().expect("an error"))
+            .collect::<Vec<_>>()
+    };
+    page.click(header).await;
+    let up = errors().await;
+    assert!(up.is_sorted(), "{up:?}");
+    page.click(header).await;
+    let down = errors().await;
+    assert!(down.iter().rev().is_sorted() && down != up, "{down:?}");
+    assert_eq!(
+        page.value("document.querySelector('#run-table thead th:nth-child(7)').ariaSort")
+            .await,
+        "descending"
+    );
+
+    // Runs of other objects are kept apart, and said.
+    let other = folder.path().join("other");
+    write_run(&other, "basic", 3, 4);
+    let mut changed = config("basic", 3, 4);
+    changed["objects"] = json!(["ball"]);
+    fs::write(other.join("config.json"), changed.to_string()).expect("written");
+    page.pick_folder(&other).await;
+    page.until("document.querySelector('#compare-set option:nth-child(2)')")
+        .await;
+    page.until_text("they are of different objects: cube, eef, and ball")
+        .await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn runs_in_an_archive_come_and_go_with_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let runs = folder.path().join("runs");
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for seed in 0..3 {
+        write_run(&runs, "basic", seed, 4);
+        for file in ["config.json", "log.jsonl", "summary.json"] {
+            let name = format!("basic/seed-{seed}/{file}");
+            zip.start_file(name, SimpleFileOptions::default())
+                .expect("an entry");
+            zip.write_all(&fs::read(runs.join(file)).expect("a file"))
+                .expect("written");
+        }
+    }
+    let archive = folder.path().join("runs.zip");
+    fs::write(&archive, zip.finish().expect("an archive").into_inner()).expect("written");
+    let page = Page::open().await;
+    page.pick(&[&archive]).await;
+    until_compared(&page, 3).await;
+    let names: Vec<String> = rows(&page, "run-table")
+        .await
+        .into_iter()
+        .map(|row| row[0].clone())
+        .collect();
+    assert_eq!(names, [0, 1, 2].map(|seed| format!("runs.zip/basic/seed-{seed}")));
+    page.click("#files [data-role=archive] .icon-button").await;
+    page.until("document.querySelector('#comparison').hidden").await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn several_keypoint_tables_are_runs_of_one_comparison() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [checkpoint, frames, truth] =
+        ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
+    let [first, second, third] =
+        ["ours_1.csv", "ours_2.csv", "still.csv"].map(|name| folder.path().join(name));
+    tracklens(&[
+        "extract",
+        "--checkpoint",
+        &checkpoint,
+        "--frames",
+        &frames,
+        "--out",
+        &text(&first),
+        "--quiet",
+    ]);
+    // One detector with half of the keypoints, one whose keypoints stay where they are.
+    let table = fs::read_to_string(&first).expect("a table");
+    let half = |line: &&str| {
+        line.split(',')
+            .nth(2)
+            .is_none_or(|n| n.parse::<u32>().map_or(true, |n| n < 8))
+    };
+    fs::write(
+        &second,
+        table
+            .lines()
+            .filter(half)
+            .map(|line| format!("{line}\n"))
+            .collect::<String>(),
+    )
+    .expect("written");
+    let still = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
+        [sequence, frame, n, ..] if n != "keypoint" => format!("{sequence},{frame},{n},0.1,0.{n}\n"),
+        _ => format!("{line}\n"),
+    };
+    fs::write(&third, table.lines().map(still).collect::<String>()).expect("written");
+
+    let page = Page::open().await;
+    page.pick(&[&example("ground_truth.csv"), &first, &second, &third])
+        .await;
+    until_compared(&page, 3).await;
+    let shown = rows(&page, "run-table").await;
+    for path in [&first, &second, &third] {
+        let scored: Value = serde_json::from_slice(&tracklens(&[
+            "score",
+            "--truth",
+            &truth,
+            "--keypoints",
+            &text(path),
+            "--json",
+        ]))
+        .expect("JSON");
+        let name = path.file_name().expect("a name").to_string_lossy();
+        let row = shown.iter().find(|row| row[0] == name).expect("a run");
+        assert_eq!(
+            row[5],
+            format!("{:.2}", scored["tc"].as_f64().expect("a number")),
+            "{name}"
+        );
+        for (k, object) in scored["objects"].as_array().expect("objects").iter().enumerate() {
+            let error = object["error"].as_f64().expect("a number");
+            let found: f64 = row[6 + k].parse().expect("a number");
+            // Three digits are shown.
+            assert!((found - error).abs() <= 0.005 * error, "{name}: {found} {error}");
+        }
+    }
+    // By what their names begin with.
+    let groups: Vec<String> = rows(&page, "capability-table")
+        .await
+        .into_iter()
+        .map(|row| row[0].clone())
+        .collect();
+    assert_eq!(groups, ["ours", "still"]);
+    assert_eq!(
+        page.value("document.querySelector('[data-figure=boxplots] svg') !== null")
+            .await,
+        json!(true)
+    );
+    assert_eq!(
+        page.value("document.querySelector('[data-figure=reconstruction-loss]')")
+            .await,
+        json!(null)
+    );
+    page.close().await;
+}

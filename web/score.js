@@ -1,0 +1,530 @@
+// @ts-check
+/**
+ * A score: joined points, how they are scored, what comes out, and which of it is on display. A session of files fills it.
+ * The views listen to its events: `scoring` (another set of joined points), `evaluation` (other options over the same
+ * points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
+ */
+
+import { latentToImage } from "./pkg/index.js";
+import { messageOf } from "./errors.js";
+import { load, store } from "./settings.js";
+
+/**
+ * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("./files.js").Source} Source
+ * @typedef {import("./intake.js").Entry} Entry
+ * @typedef {import("./saved.js").SavedEvaluation} SavedEvaluation
+ * @typedef {import("./pkg/index.js").CommandInputs} CommandInputs
+ * @typedef {import("./pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("./pkg/index.js").Intervals} Intervals
+ * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
+ * @typedef {import("./pkg/index.js").Scoring} Scoring
+ * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
+ * @typedef {import("./pkg/index.js").Series & { distances: Float64Array }} Series
+ *
+ * Something the user should know, with the remedy where the page has one.
+ * @typedef {object} Problem
+ * @property {"error" | "warning" | "info"} kind
+ * @property {string} text
+ * @property {{ label: string, run: () => void }} [action]
+ *
+ * Joined points and what they belong to.
+ * @typedef {object} Points
+ * @property {Scoring} scoring
+ * @property {(Source | null)[]} pictures for each joined frame its image; empty: there are none
+ * @property {[number, number][]} sizes width and height by joined frame, or one for all; empty: not known
+ * @property {OpenEncoder | null} encoder whose latent space the keypoints are in
+ */
+
+/** Of the intervals. */
+const RESAMPLES = 1000;
+/** Milliseconds that a step of drawing them may take, so that the page stays at hand. */
+const STEP_MS = 24;
+
+const TRANSFORMS = ["identity", "scale-translate", "affine"];
+const RANKS = ["reference", "centred"];
+const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
+/** Series of this many pairs of object and keypoint are kept. */
+const KEPT_SERIES = 8;
+
+export class Score extends EventTarget {
+  /** What the user should know, by what it is about. @type {Map<string, Problem>} */
+  problems = new Map();
+
+  /** @type {Scoring | null} */
+  scoring = null;
+  /** @type {Evaluation | null} */
+  evaluation = null;
+  /** The file that `evaluation` was read from, when nothing is scored. @type {Entry | null} */
+  savedIn = null;
+  /** Thresholds nobody edited, by object. @type {Record<string, number>} */
+  defaultThresholds = {};
+  /** @type {ScoreOptions} */
+  options;
+  /** What is asked of the sequences: folds to hold out (0: none), intervals. */
+  resampling = { folds: 0, intervals: false };
+  /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
+  intervals = null;
+  /** Of the joined frames. @type {string[]} */
+  objects = [];
+  /** The joined frames by sequence. @type {SequenceRange[]} */
+  sequences = [];
+  /** For each joined frame its number in its sequence. @type {Float64Array} */
+  frameNumbers = new Float64Array();
+  /** Object and joined frame on display. */
+  selection = { object: 0, frame: 0 };
+
+  #remembers;
+  /** Keypoints the user looks at in place of the best ones, by object. @type {Map<number, number>} */
+  #chosen = new Map();
+  /** @type {Points["pictures"]} */
+  #pictures = [];
+  /** @type {Points["sizes"]} */
+  #sizes = [];
+  /** @type {OpenEncoder | null} */
+  #encoder = null;
+  /** The last ones asked for. @type {Map<string, Series>} */
+  #series = new Map();
+
+  /** @param {boolean} remembers whether options outlast the page */
+  constructor(remembers) {
+    super();
+    this.#remembers = remembers;
+    this.options = this.#startOptions();
+  }
+
+  // What is scored
+
+  /**
+   * Scores other points.
+   * @param {Points} points
+   */
+  show({ scoring, pictures, sizes, encoder }) {
+    this.scoring = scoring;
+    this.objects = scoring.objects;
+    this.sequences = scoring.sequences;
+    this.frameNumbers = scoring.frameNumbers;
+    this.#pictures = pictures;
+    this.#sizes = sizes;
+    this.#encoder = encoder;
+    this.selection = {
+      object: Math.min(this.selection.object, this.objects.length - 1),
+      frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
+    };
+    this.#evaluate();
+    this.#remind();
+  }
+
+  /**
+   * Shows an evaluation that was saved.
+   * @param {Entry} entry
+   */
+  showSaved(entry) {
+    const { evaluation } = /** @type {SavedEvaluation} */ (entry.content);
+    this.savedIn = entry;
+    this.evaluation = evaluation;
+    this.objects = evaluation.objects.map(({ name }) => name);
+    this.selection = { object: Math.min(this.selection.object, this.objects.length - 1), frame: 0 };
+    this.emit("evaluation");
+  }
+
+  /** Forgets the points, which are given back elsewhere. */
+  forgetScore() {
+    this.scoring = null;
+    this.evaluation = null;
+    this.savedIn = null;
+    this.intervals = null;
+    this.objects = [];
+    this.sequences = [];
+    this.frameNumbers = new Float64Array();
+    this.#pictures = [];
+    this.#sizes = [];
+    this.#encoder = null;
+    this.#chosen.clear();
+    this.#series.clear();
+  }
+
+  /** As on a fresh page. */
+  resetOptions() {
+    this.options = this.#startOptions();
+    this.resampling = { folds: 0, intervals: false };
+  }
+
+  /** The evaluation that was saved and is on display. @returns {SavedEvaluation | null} */
+  get saved() {
+    return /** @type {SavedEvaluation | null} */ (this.savedIn?.content ?? null);
+  }
+
+  // How
+
+  /** @param {Partial<Pick<ScoreOptions, "transform" | "rank">>} options */
+  setOptions(options) {
+    Object.assign(this.options, options);
+    this.#remember();
+    this.#evaluate();
+  }
+
+  /**
+   * @param {string} object
+   * @param {number | null} threshold `null` for the default
+   */
+  setThreshold(object, threshold) {
+    const thresholds = { ...this.options.thresholds };
+    if (threshold === null) delete thresholds[object];
+    else thresholds[object] = threshold;
+    this.options.thresholds = thresholds;
+    this.#remember();
+    this.#evaluate();
+  }
+
+  /** @param {Partial<Score["resampling"]>} resampling */
+  setResampling(resampling) {
+    Object.assign(this.resampling, resampling);
+    this.#evaluate();
+  }
+
+  /** The number of folds that are held out; no more than there are sequences. */
+  get folds() {
+    const folds = Math.min(this.resampling.folds, this.sequences.length);
+    return folds < 2 ? 0 : folds;
+  }
+
+  /**
+   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure, the command.
+   * @returns {Evaluation | null}
+   */
+  completeEvaluation() {
+    if (!this.scoring || !this.evaluation) return this.evaluation;
+    const options = { ...this.#scoreOptions(), sequences: true, context: true };
+    const evaluation = this.scoring.evaluate(options);
+    if (this.intervals) evaluation.intervals = this.intervals;
+    return { ...evaluation, command: this.command() };
+  }
+
+  /** What others measure of the same frames; takes a while. */
+  context() {
+    const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
+    return evaluation?.context ?? this.evaluation?.context ?? null;
+  }
+
+  /** The command of the terminal that repeats the evaluation. */
+  command() {
+    if (!this.scoring) return this.evaluation?.command ?? "";
+    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
+    return this.scoring.command(this.commandInputs(), { ...this.#scoreOptions(), ...bootstrap });
+  }
+
+  /**
+   * The files, as a command names them.
+   * @abstract
+   * @returns {CommandInputs}
+   */
+  commandInputs() {
+    throw new Error("only a session knows its files");
+  }
+
+  // On display
+
+  /** @param {Partial<{ object: number, frame: number }>} selection */
+  select(selection) {
+    const next = { ...this.selection, ...selection };
+    if (next.object === this.selection.object && next.frame === this.selection.frame) return;
+    this.selection = next;
+    this.emit("selection");
+  }
+
+  /**
+   * The keypoint on display for an object: the chosen one, otherwise the best; `null` when it is visible in no frame.
+   * @param {number} object
+   */
+  keypointOf(object) {
+    const best = this.evaluation?.objects[object]?.best_keypoint ?? null;
+    return best === null ? null : (this.#chosen.get(object) ?? best);
+  }
+
+  /**
+   * Shows an object with a keypoint other than its best one.
+   * @param {number} object
+   * @param {number | null} keypoint `null` for the best one
+   */
+  choose(object, keypoint) {
+    if (keypoint === null) this.#chosen.delete(object);
+    else this.#chosen.set(object, keypoint);
+    this.selection = { ...this.selection, object };
+    for (const topic of ["selection", "choice"]) this.emit(topic);
+  }
+
+  /** Shows every object with its best keypoint. */
+  chooseBest() {
+    this.#chosen.clear();
+    for (const topic of ["selection", "choice"]) this.emit(topic);
+  }
+
+  /**
+   * Whether an object is shown with a keypoint other than its best one.
+   * @param {number} object
+   */
+  isChosen(object) {
+    return this.keypointOf(object) !== (this.evaluation?.objects[object]?.best_keypoint ?? null);
+  }
+
+  /**
+   * The error of an object with a keypoint by sequence, the worst one first.
+   * @param {number} object
+   * @param {number} keypoint
+   */
+  errorsBySequence(object, keypoint) {
+    if (!this.scoring) return this.saved?.errorsBySequence(object, keypoint) ?? [];
+    return this.scoring.sequenceErrors(object, keypoint, this.#mapOptions());
+  }
+
+  /**
+   * The frames in which an object is furthest from a keypoint under its map (squared distance, ndc), with their positions
+   * among the joined ones; of a saved evaluation the worst one of each sequence, at no position (-1).
+   * @param {number} object
+   * @param {number} keypoint
+   * @param {number} most
+   * @returns {{ position: number, sequence: string, frame: number, distance: number }[]}
+   */
+  worstFrames(object, keypoint, most) {
+    const { scoring } = this;
+    if (!scoring) {
+      const worst = this.errorsBySequence(object, keypoint).map(({ sequence, worst: position, worstFrame: frame, worstError: distance }) => ({
+        ...{ position, sequence, frame, distance },
+      }));
+      return worst.sort((a, b) => b.distance - a.distance).slice(0, most);
+    }
+    const distances = scoring.distances(object, keypoint, this.#mapOptions());
+    const visible = Array.from(distances, (distance, position) => ({ position, distance })).filter(
+      ({ distance }) => !Number.isNaN(distance),
+    );
+    const worst = visible.sort((a, b) => b.distance - a.distance).slice(0, most);
+    return worst.map(({ position, distance }) => ({
+      ...{ position, distance },
+      sequence: this.sequenceOf(position)?.name ?? "",
+      frame: this.frameNumbers[position],
+    }));
+  }
+
+  /** Width and height of the images, when it is known and the same for all. */
+  get imageSize() {
+    return this.#sizes.length === 1 ? this.#sizes[0] : null;
+  }
+
+  /** Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken as ndc. */
+  get placesKeypoints() {
+    return this.#encoder !== null && this.#sizes.length > 0;
+  }
+
+  /**
+   * The image of a joined frame.
+   * @param {number} frame
+   */
+  picture(frame) {
+    return this.#pictures[frame] ?? null;
+  }
+
+  /** Whether any joined frame has an image. */
+  get hasPictures() {
+    return this.#pictures.some((picture) => picture !== null);
+  }
+
+  /**
+   * The sequence a joined frame belongs to.
+   * @param {number} frame
+   * @returns {SequenceRange | null}
+   */
+  sequenceOf(frame) {
+    return this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null;
+  }
+
+  /**
+   * The points of an object and its keypoint on display, all in ndc, with their squared distances; `null` when it has none.
+   * @param {number} object
+   */
+  series(object) {
+    const keypoint = this.keypointOf(object);
+    if (!this.scoring || keypoint === null) return null;
+    const key = `${object} ${keypoint}`;
+    let series = this.#series.get(key);
+    if (!series) {
+      const options = this.#mapOptions();
+      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
+      const distances = this.scoring.distances(object, keypoint, options);
+      series = { truth, keypoint: this.#place(raw), transformed, distances };
+      const [oldest] = this.#series.keys();
+      if (this.#series.size >= KEPT_SERIES) this.#series.delete(oldest);
+      this.#series.set(key, series);
+    }
+    return series;
+  }
+
+  /**
+   * The errors of an object and its keypoint on display by the sequence, in the order of `sequences`; NaN where the object
+   * is not visible.
+   * @param {number} object
+   */
+  sequenceErrors(object) {
+    const errors = new Float64Array(this.sequences.length).fill(NaN);
+    const keypoint = this.keypointOf(object);
+    if (!this.scoring || keypoint === null) return errors;
+    const found = this.errorsBySequence(object, keypoint);
+    const byStart = new Map(found.map(({ start, error }) => [start, error]));
+    return errors.map((_, i) => byStart.get(this.sequences[i].start) ?? NaN);
+  }
+
+  /**
+   * All keypoints of a joined frame in ndc, N x 2.
+   * @param {number} frame
+   */
+  keypointsAt(frame) {
+    return this.scoring ? this.placed(this.scoring.keypointsAt(frame), frame) : new Float64Array();
+  }
+
+  /**
+   * Points of a joined frame in ndc; see {@link Score.placesKeypoints}.
+   * @param {Float64Array} points
+   * @param {number} frame
+   */
+  placed(points, frame) {
+    const size = this.imageSize ?? this.#sizes[frame];
+    return this.#encoder && size ? latentToImage(this.#encoder.info.config, points, ...size) : points;
+  }
+
+  // What follows
+
+  /** Those of the last visit, where there was one. */
+  #startOptions() {
+    return optionsFrom(this.#remembers ? load("score") : {});
+  }
+
+  #remember() {
+    const { transform, rank, thresholds } = this.options;
+    if (this.#remembers) store("score", { transform, rank, thresholds });
+    this.#dropReminder();
+  }
+
+  /** Says which settings of an earlier visit are in force: a result must not surprise. */
+  #remind() {
+    const { transform, rank, thresholds = {} } = this.#scoreOptions();
+    const edited = Object.entries(thresholds).filter(([name, value]) => value !== this.defaultThresholds[name]);
+    const kept = [
+      ...edited.map(([name, value]) => `threshold ${value} for ${name}`),
+      transform !== DEFAULTS.transform && `map ${transform}`,
+      rank !== DEFAULTS.rank && `rank rule ${rank}`,
+    ].filter(Boolean);
+    if (kept.length === 0 || !this.#remembers) return;
+    this.report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
+      label: "Use the defaults",
+      run: () => {
+        Object.assign(this.options, DEFAULTS, { thresholds: {} });
+        this.#remember();
+        this.#evaluate();
+        this.emit("scoring");
+      },
+    });
+  }
+
+  #dropReminder() {
+    if (this.problems.delete("remembered")) this.emit("files");
+  }
+
+  #evaluate() {
+    if (!this.scoring) return;
+    this.#series.clear();
+    try {
+      this.evaluation = this.scoring.evaluate(this.#scoreOptions());
+      const defaults = this.scoring.evaluate(this.#mapOptions());
+      this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
+      this.problems.delete("evaluation");
+    } catch (error) {
+      this.evaluation = null;
+      this.report("evaluation", "error", messageOf(error));
+      this.emit("files");
+    }
+    this.intervals = null;
+    this.emit("evaluation");
+    void this.#drawIntervals();
+  }
+
+  /** Draws the intervals in steps, until they are there or belong to another evaluation. */
+  async #drawIntervals() {
+    const { scoring, evaluation } = this;
+    if (!scoring || !evaluation || !this.resampling.intervals || this.sequences.length < 2) return;
+    const bootstrap = scoring.bootstrap(this.#scoreOptions());
+    try {
+      let step = 1;
+      for (let left = RESAMPLES; left > 0; ) {
+        await new Promise((done) => setTimeout(done));
+        if (this.evaluation !== evaluation) return;
+        const start = performance.now();
+        bootstrap.draw(Math.min(step, left));
+        left -= step;
+        if (performance.now() - start < STEP_MS / 2) step *= 2;
+      }
+      this.intervals = bootstrap.intervals();
+      this.emit("intervals");
+    } finally {
+      bootstrap.free();
+    }
+  }
+
+  /** What decides on the maps alone. @returns {ScoreOptions} */
+  #mapOptions() {
+    const { transform, rank } = this.options;
+    return { transform, rank };
+  }
+
+  /** @returns {ScoreOptions} */
+  #scoreOptions() {
+    const edited = Object.entries(this.options.thresholds ?? {}).filter(([name]) => this.objects.includes(name));
+    return {
+      ...this.options,
+      thresholds: Object.fromEntries(edited),
+      ...(this.imageSize ? { imageSize: this.imageSize } : {}),
+      ...(this.folds > 0 ? { folds: this.folds } : {}),
+    };
+  }
+
+  /**
+   * Latent points of the joined frames in the image.
+   * @param {Float64Array} points
+   */
+  #place(points) {
+    if (!this.#encoder || this.#sizes.length === 0) return points;
+    const { config } = this.#encoder.info;
+    if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
+    const placed = new Float64Array(points.length);
+    for (let t = 0; t < this.#sizes.length; t++) placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
+    return placed;
+  }
+
+  /**
+   * @param {string} key
+   * @param {Problem["kind"]} kind
+   * @param {string} text
+   * @param {Problem["action"]} [action]
+   */
+  report(key, kind, text, action) {
+    this.problems.set(key, { kind, text, action });
+  }
+
+  /** @param {string} topic */
+  emit(topic) {
+    this.dispatchEvent(new Event(topic));
+  }
+}
+
+/**
+ * Options that were kept, as far as they are understood.
+ * @param {Record<string, any>} kept
+ * @returns {ScoreOptions}
+ */
+function optionsFrom({ transform, rank, thresholds }) {
+  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => Number.isFinite(value) && value > 0);
+  return {
+    transform: TRANSFORMS.includes(transform) ? transform : DEFAULTS.transform,
+    rank: RANKS.includes(rank) ? rank : DEFAULTS.rank,
+    thresholds: Object.fromEntries(usable),
+  };
+}
