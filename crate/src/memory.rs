@@ -46,7 +46,6 @@ pub(crate) fn available() -> Option<u64> {
 
 /// What can still be added to this instance's memory.
 #[cfg(target_arch = "wasm32")]
-#[expect(clippy::unnecessary_wraps, reason = "elsewhere it is not known")]
 pub(crate) fn available() -> Option<u64> {
     const PAGE: u64 = 1 << 16;
     const PAGES: u64 = 1 << 16;

@@ -4,6 +4,7 @@ mod extract;
 mod page;
 mod report;
 
+use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -122,6 +123,24 @@ fn size(workspace: &Workspace) -> Result<()> {
         .args(["bench", "--package=tracklens-page-tests", "--bench=size"])
         .env("TRACKLENS_SITE", workspace.site());
     run::run(cargo.current_dir(workspace.root()))
+}
+
+/// Builds the program, and the example that makes checkpoints, in one go: apart, cargo would compile what both depend on
+/// twice, since only one of them looks at what tests need.
+fn programs(workspace: &Workspace) -> Result<[PathBuf; 2]> {
+    let mut cargo = run::cargo();
+    cargo.args([
+        "build",
+        "--release",
+        "--package=tracklens",
+        "--no-default-features",
+    ]);
+    cargo.args(["--features=cli", "--bin=tracklens", "--example=random_checkpoint"]);
+    run::run(cargo.current_dir(workspace.root()))?;
+    Ok([
+        workspace.binary("tracklens"),
+        workspace.binary("examples/random_checkpoint"),
+    ])
 }
 
 fn timing(command: &mut Command) -> Result<Timing> {

@@ -137,10 +137,11 @@ impl Layer {
     }
 
     /// Tiles, if the layer goes by them: where they are worth their transforms, as a channel that is transformed serves
-    /// enough sums.
+    /// enough sums. No encoder pools what it takes in strides, so there are no such tiles.
     fn tiling(shape: &ConvLayer, lanes: usize, channels: usize) -> Option<Tiling> {
         let worth = channels.is_multiple_of(lanes) && shape.inputs.min(shape.outputs) >= 16;
-        Tiling::new(shape.kernel, shape.stride).filter(|_| worth)
+        let strided_pool = shape.pool && shape.stride > 1;
+        Tiling::new(shape.kernel, shape.stride).filter(|_| worth && !strided_pool)
     }
 
     /// Numbers of a cell that goes out.

@@ -81,7 +81,7 @@ impl Tiling {
         size: [usize; 2],
         convolved: [usize; 2],
     ) -> (usize, [usize; 2]) {
-        let before = padding + self.stride * usize::from(pool);
+        let before = padding + usize::from(pool);
         let tiles = self.tiles(pool, convolved);
         // With a stride, the last cells may meet no tap.
         let after = [0, 1].map(|axis| self.reach(tiles[axis]).saturating_sub(before + size[axis]));
@@ -207,7 +207,6 @@ impl SimdOp for Winograd<'_> {
                 (6, 2, false) => self.run::<I, ROWS, 6, 2, false>(isa),
                 (6, 2, true) => self.run::<I, ROWS, 6, 2, true>(isa),
                 (9, 4, false) => self.run::<I, ROWS, 9, 4, false>(isa),
-                (9, 4, true) => self.run::<I, ROWS, 9, 4, true>(isa),
                 _ => unreachable!("no transform for tiles of {side} x {side}"),
             }
         });

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::median;
+use super::{median, programs};
 use crate::workspace::Workspace;
 use crate::{run, setup};
 
@@ -58,33 +58,27 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let onnx = setup::python(workspace, "onnxruntime", &peers.join("requirements-onnx.txt"))?;
     let torch = setup::python(workspace, "torch", &peers.join("requirements-torch.txt"))?;
     let made = TempDir::new().context("no folder for the encoders")?;
-    let cargo = |arguments: &[&str]| {
-        let mut cargo = run::cargo();
-        cargo.args(arguments).current_dir(workspace.root());
-        cargo
-    };
+    let [tracklens, _] = programs(workspace)?;
     let bench = || {
-        cargo(&[
+        let mut cargo = run::cargo();
+        cargo.args([
             "bench",
             "--package=tracklens",
             "--no-default-features",
             "--features=cli",
-            "--bench=extract",
-            "--",
-        ])
+        ]);
+        cargo
+            .args(["--bench=extract", "--"])
+            .current_dir(workspace.root());
+        cargo
     };
     run::run(bench().arg("--checkpoints").arg(made.path()))?;
     for encoder in ENCODERS {
         let file = made.path().join(encoder);
-        let mut export = cargo(&["run", "--release", "--package=tracklens", "--no-default-features"]);
-        export.args([
-            "--features=cli",
-            "--bin=tracklens",
-            "--",
-            "export",
-            "--checkpoint",
-        ]);
-        export.arg(file.with_extension("safetensors"));
+        let mut export = run::command(&tracklens);
+        export
+            .args(["export", "--checkpoint"])
+            .arg(file.with_extension("safetensors"));
         run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
     }
     let rten = rten(workspace, &peers)?;

@@ -14,7 +14,7 @@ use serde_json::Value;
 use server::{Sent, Server};
 use tempfile::TempDir;
 
-use super::median;
+use super::{median, programs};
 use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
 
@@ -76,31 +76,19 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
 
 /// Checkpoints that nobody trained, as `.safetensors` and `.onnx`.
 fn make_encoders(workspace: &Workspace, folder: &Path) -> Result<()> {
-    let cargo = |arguments: &[&str]| {
-        let mut cargo = run::cargo();
-        cargo.args(["run", "--release", "--package=tracklens", "--no-default-features"]);
-        cargo.args(arguments).current_dir(workspace.root());
-        cargo
-    };
+    let [tracklens, example] = programs(workspace)?;
     for encoder in ENCODERS {
         for side in SIDES {
             let file = folder.join(format!("{encoder}-{side}"));
             let weights = file.with_extension("safetensors");
-            let example = ["--features=cli", "--example=random_checkpoint", "--"];
-            run::run(cargo(&example).args([encoder, &side.to_string()]).arg(&weights))?;
-            let export = [
-                "--features=cli",
-                "--bin=tracklens",
-                "--",
-                "export",
-                "--checkpoint",
-            ];
             run::run(
-                cargo(&export)
-                    .arg(&weights)
-                    .arg("--onnx")
-                    .arg(file.with_extension("onnx")),
+                run::command(&example)
+                    .args([encoder, &side.to_string()])
+                    .arg(&weights),
             )?;
+            let mut export = run::command(&tracklens);
+            export.args(["export", "--checkpoint"]).arg(&weights);
+            run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
         }
     }
     Ok(())
