@@ -181,3 +181,21 @@ fn what_cannot_be_converted_or_inspected_is_told() {
     );
     expect(&tracklens(&["inspect", "/nowhere.pth"]), 1, "/nowhere.pth: ");
 }
+
+/// Systems promise more memory than they have, so the program would be ended without a word.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_checkpoint_larger_than_memory_is_refused_before_it_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let huge = folder.path().join("huge.safetensors");
+    // Without content it takes no room on the disk.
+    let file = std::fs::File::create(&huge).expect("a file");
+    file.set_len(4 << 40).expect("a sparse file");
+    let output = tracklens(&["inspect".as_ref(), huge.as_os_str()]);
+    assert!(!output.status.success());
+    let message = stderr(&output);
+    assert!(
+        message.contains("huge.safetensors: there is no memory for 4194304 MiB of file, and "),
+        "{message}"
+    );
+}

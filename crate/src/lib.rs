@@ -25,6 +25,8 @@ pub mod data;
 pub mod engine;
 #[cfg(feature = "engine")]
 pub mod extract;
+#[cfg(feature = "data")]
+mod memory;
 #[cfg(feature = "model")]
 pub mod model;
 #[cfg(feature = "report")]

@@ -3,7 +3,7 @@
 import * as ort from "/peers/onnxruntime-web/dist/ort.wasm.min.mjs";
 import { WorkerPool } from "/extraction-pool.js";
 
-const ROUNDS = 5;
+const ROUNDS = Number(new URLSearchParams(location.search).get("rounds") ?? 5);
 const FRAMES = 24;
 const CASES = ["basic", "keynet"].flatMap((name) => [128, 256].map((side) => [name, side]));
 

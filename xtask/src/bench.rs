@@ -4,6 +4,7 @@ mod extract;
 mod page;
 mod report;
 
+use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -13,8 +14,9 @@ use serde_json::Value;
 use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
 
-/// How often each of the two is run.
+/// How often each of the two is run, also when it is to be quick.
 const ROUNDS: usize = 5;
+const QUICK_ROUNDS: usize = 2;
 
 /// The architectures whose training step is timed.
 const TRAINED: [&str; 3] = ["basic", "basic-vel-std-bg", "keynet-vel-std-bg"];
@@ -23,7 +25,7 @@ const TRAINED: [&str; 3] = ["basic", "basic-vel-std-bg", "keynet-vel-std-bg"];
 pub enum Subject {
     /// The metric on one thread, against centred moments in numpy.
     Metric,
-    /// Extraction on the CPU with one and two threads, against ONNX Runtime and PyTorch eager.
+    /// Extraction on the CPU with one and two threads, against ONNX Runtime, PyTorch eager and rten; then `page`.
     Extract,
     /// A training step on all threads, against PyTorch eager.
     Train,
@@ -42,12 +44,17 @@ struct Timing {
     median_ms: f64,
 }
 
-pub fn run(workspace: &Workspace, subject: Subject) -> Result<()> {
+/// `quick` is for a look at whether it runs: fewer rounds of `extract` and `page`.
+pub fn run(workspace: &Workspace, subject: Subject, quick: bool) -> Result<()> {
+    let rounds = if quick { QUICK_ROUNDS } else { ROUNDS };
     match subject {
         Subject::Metric => metric(workspace),
-        Subject::Extract => extract::run(workspace),
+        Subject::Extract => {
+            extract::run(workspace, rounds)?;
+            page::run(workspace, rounds)
+        }
         Subject::Train => train(workspace),
-        Subject::Page => page::run(workspace),
+        Subject::Page => page::run(workspace, rounds),
         Subject::Report => report::run(workspace),
         Subject::Size => size(workspace),
     }
@@ -116,6 +123,24 @@ fn size(workspace: &Workspace) -> Result<()> {
         .args(["bench", "--package=tracklens-page-tests", "--bench=size"])
         .env("TRACKLENS_SITE", workspace.site());
     run::run(cargo.current_dir(workspace.root()))
+}
+
+/// Builds the program, and the example that makes checkpoints, in one go: apart, cargo would compile what both depend on
+/// twice, since only one of them looks at what tests need.
+fn programs(workspace: &Workspace) -> Result<[PathBuf; 2]> {
+    let mut cargo = run::cargo();
+    cargo.args([
+        "build",
+        "--release",
+        "--package=tracklens",
+        "--no-default-features",
+    ]);
+    cargo.args(["--features=cli", "--bin=tracklens", "--example=random_checkpoint"]);
+    run::run(cargo.current_dir(workspace.root()))?;
+    Ok([
+        workspace.binary("tracklens"),
+        workspace.binary("examples/random_checkpoint"),
+    ])
 }
 
 fn timing(command: &mut Command) -> Result<Timing> {

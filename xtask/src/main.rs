@@ -88,7 +88,12 @@ enum Task {
     /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
     Check,
     /// Time a part of tracklens against its peer.
-    Bench { subject: bench::Subject },
+    Bench {
+        subject: bench::Subject,
+        /// Fewer rounds of `extract` and `page`, to see whether they run.
+        #[arg(long)]
+        quick: bool,
+    },
     /// Remove what was built into pkg/ and the site.
     Clean {
         /// Also everything else in cargo's target directory, the installed tools among it.
@@ -138,7 +143,7 @@ fn perform(task: Task) -> Result<()> {
             },
         ),
         Task::Check => check::run(&workspace),
-        Task::Bench { subject } => bench::run(&workspace, subject),
+        Task::Bench { subject, quick } => bench::run(&workspace, subject, quick),
         Task::Clean { all } => clean::run(&workspace, all),
     }
 }

@@ -227,7 +227,12 @@ fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: 
     if let Some(optimiser) = optimiser {
         let wasm = folder.join(part.wasm());
         let mut command = optimiser.command();
-        command.arg(if part.fast { "-O3" } else { "-Oz" }).args(WASM_OPT);
+        match part.fast {
+            // What the engine keeps apart has to stay apart: browsers optimise large functions badly.
+            true => command.args(["-O3", "--one-caller-inline-max-function-size=100"]),
+            false => command.arg("-Oz"),
+        };
+        command.args(WASM_OPT);
         run::run(command.arg(&wasm).arg("-o").arg(&wasm))?;
     }
     for file in part.generated() {

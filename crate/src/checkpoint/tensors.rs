@@ -6,6 +6,7 @@ use super::SaeConfig;
 use super::authors::Said;
 use super::formats::{self, Contents, Format};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// The metadata that holds the configuration.
 pub(super) const CONFIG_KEY: &str = "tracklens.config";
@@ -45,6 +46,12 @@ impl Checkpoint {
     /// When the bytes are no complete file of a known format, when a tensor is missing, has another shape or a value
     /// that is not finite, or when the file holds another architecture.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        // The tensors are at least as large as what they are read from, but for doubles.
+        memory::check(
+            bytes.len() as u64 / 2,
+            "tensors",
+            "use a checkpoint with fewer channels",
+        )?;
         Self::from_contents(formats::read(bytes)?)
     }
 

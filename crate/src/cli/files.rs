@@ -13,6 +13,7 @@ use crate::data::{
     parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
 };
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
@@ -272,7 +273,11 @@ fn walk(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<()> {
 }
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::io(path.display(), &e))
+    let failed = |e: std::io::Error| Error::io(path.display(), &e);
+    let bytes = std::fs::metadata(path).map_err(failed)?.len();
+    memory::check(bytes, "file", "close other programs, or use a smaller file")
+        .map_err(|e| e.at(path.display()))?;
+    std::fs::read(path).map_err(failed)
 }
 
 fn open(path: &Path) -> Result<File> {

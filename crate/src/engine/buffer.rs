@@ -2,10 +2,14 @@
 
 use std::ops::{Deref, DerefMut};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::memory;
 
 /// Numbers in a cache line.
 pub(super) const LINE: usize = 16;
+
+const WHAT: &str = "weights or activations";
+const ADVICE: &str = "use smaller images, fewer threads, or an encoder with fewer channels";
 
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
@@ -25,15 +29,12 @@ impl Buffer {
     pub fn grow(&mut self, len: usize) -> Result<()> {
         let lines = len.div_ceil(LINE);
         if lines > self.lines.len() {
+            let more = lines - self.lines.len();
+            let bytes = more.saturating_mul(size_of::<Line>()) as u64;
+            memory::check(bytes, WHAT, ADVICE)?;
             self.lines
-                .try_reserve_exact(lines - self.lines.len())
-                .map_err(|_| {
-                    Error::numeric(format!(
-                        "there is no memory for {} MiB of weights or activations; use smaller images, fewer threads, \
-                         or an encoder with fewer channels",
-                        (4 * len).div_ceil(1 << 20)
-                    ))
-                })?;
+                .try_reserve_exact(more)
+                .map_err(|_| memory::too_much(bytes, None, WHAT, ADVICE))?;
             self.lines.resize(lines, Line([0.0; LINE]));
         }
         Ok(())

@@ -66,7 +66,8 @@ impl SimdOp for Direct<'_> {
 
 impl Direct<'_> {
     /// N vectors of outputs, from `first` on, of a row of cells.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     unsafe fn row<I: Isa, const ROWS: usize, const N: usize>(&mut self, isa: I, row: usize, first: usize) {
         let ops = isa.f32();
         let lanes = ops.len();

@@ -10,6 +10,7 @@ use super::softargmax::{SoftArgmax, softmax};
 use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig, TEMPERATURE};
 use crate::data::{Filter, Frame, Pixels};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// An encoder ready to run on the CPU: images in, keypoints out.
 pub struct Encoder {
@@ -47,6 +48,7 @@ impl Encoder {
         let config = checkpoint.config.clone();
         let lanes = gemm::lanes();
         let mut layers: Vec<Layer> = Vec::new();
+        check_memory(&config, lanes)?;
         let mut channels = 3;
         for shape in config.encoder_layers() {
             let layer = Layer::new(checkpoint, shape, lanes, channels)?;
@@ -216,6 +218,19 @@ impl Encoder {
     pub fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
         self.config.latent_grid(image_size)
     }
+}
+
+/// Checks that there is memory for all packed weights, before the first of them are.
+fn check_memory(config: &SaeConfig, lanes: usize) -> Result<()> {
+    let mut channels = 3;
+    let layers = config.encoder_layers();
+    let numbers = layers.iter().map(|shape| {
+        let weights = Layer::weights(shape, lanes, channels);
+        channels = shape.outputs.next_multiple_of(lanes);
+        weights
+    });
+    let bytes = numbers.fold(0, u64::saturating_add).saturating_mul(4);
+    memory::check(bytes, "packed weights", "use an encoder with fewer channels")
 }
 
 /// What goes into the first layer.

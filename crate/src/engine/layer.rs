@@ -10,7 +10,7 @@ use super::direct::{Direct, slack};
 use super::gemm::Panels;
 use super::map::Map;
 use super::pool::MaxPool;
-use super::winograd::{self, Epilogue, Winograd};
+use super::winograd::{Epilogue, Tiling, Winograd};
 use crate::checkpoint::{Checkpoint, ConvLayer, Tensor};
 use crate::error::{Error, Result};
 
@@ -35,7 +35,7 @@ pub(super) struct Layer {
 /// How a convolution is computed.
 enum Kernel {
     Direct(Panels),
-    Winograd(Vec<Panels>),
+    Winograd(Tiling, Vec<Panels>),
 }
 
 /// How a layer is computed, see [`Encoder::plan`](super::Encoder::plan).
@@ -93,17 +93,12 @@ impl Layer {
             factors: factors.as_deref(),
         };
         weights.check(&shape, &bias)?;
-        let kernel = match winograd::outputs_a_side(shape.kernel) {
-            Some(_) if prefers_winograd(&shape, channels, lanes) => {
+        let kernel = match Self::tiling(&shape, lanes, channels) {
+            Some(tiling) => {
                 let at = |output, input, ky, kx| weights.at(output, input, ky, kx);
-                Kernel::Winograd(winograd::transform_filters(
-                    lanes,
-                    shape.kernel,
-                    [outputs, channels],
-                    at,
-                )?)
+                Kernel::Winograd(tiling, tiling.transform_filters(lanes, [outputs, channels], at)?)
             }
-            _ => {
+            None => {
                 let run = shape.kernel * channels;
                 Kernel::Direct(Panels::new(
                     lanes,
@@ -127,6 +122,26 @@ impl Layer {
             },
             shape,
         })
+    }
+
+    /// Numbers of a layer's packed weights, before anything is made for them.
+    pub fn weights(shape: &ConvLayer, lanes: usize, channels: usize) -> u64 {
+        let places = match Self::tiling(shape, lanes, channels) {
+            Some(tiling) => tiling.places(),
+            None => shape.kernel * shape.kernel,
+        };
+        let outputs = shape.outputs.next_multiple_of(lanes);
+        [places, channels, outputs]
+            .into_iter()
+            .fold(1, |product: u64, n| product.saturating_mul(n as u64))
+    }
+
+    /// Tiles, if the layer goes by them: where they are worth their transforms, as a channel that is transformed serves
+    /// enough sums. No encoder pools what it takes in strides, so there are no such tiles.
+    fn tiling(shape: &ConvLayer, lanes: usize, channels: usize) -> Option<Tiling> {
+        let worth = channels.is_multiple_of(lanes) && shape.inputs.min(shape.outputs) >= 16;
+        let strided_pool = shape.pool && shape.stride > 1;
+        Tiling::new(shape.kernel, shape.stride).filter(|_| worth && !strided_pool)
     }
 
     /// Numbers of a cell that goes out.
@@ -157,15 +172,14 @@ impl Layer {
     /// How the input has to lie in memory, and the numbers of the buffer that holds it.
     pub fn input(&self, sizes: &Sizes) -> (Map, usize) {
         let ConvLayer {
-            kernel,
             padding,
             stride,
             pool,
             ..
         } = self.shape;
         let [channels, _] = self.channels;
-        let (before, after) = match self.kernel {
-            Kernel::Winograd(_) => winograd::frame(kernel, padding, pool, sizes.from, sizes.convolved),
+        let (before, after) = match &self.kernel {
+            Kernel::Winograd(tiling, _) => tiling.frame(padding, pool, sizes.from, sizes.convolved),
             Kernel::Direct(_) => (padding, [padding; 2]),
         };
         let map = Map {
@@ -175,7 +189,7 @@ impl Layer {
             after,
         };
         let behind = match self.kernel {
-            Kernel::Winograd(_) => 0,
+            Kernel::Winograd(..) => 0,
             Kernel::Direct(_) => slack(self.lanes, stride, channels),
         };
         (map, map.len() + behind)
@@ -184,18 +198,19 @@ impl Layer {
     /// Numbers that the layer needs beside input and output.
     pub fn scratch(&self, sizes: &Sizes) -> usize {
         let [channels, outputs] = self.channels;
-        match self.kernel {
-            Kernel::Winograd(_) => winograd::scratch(self.lanes, channels, self.tiles(sizes)).1,
+        match &self.kernel {
+            Kernel::Winograd(tiling, _) => tiling.scratch(self.lanes, channels, self.tiles(tiling, sizes)).1,
             Kernel::Direct(_) if self.shape.pool => Map::bare(sizes.convolved, outputs).len(),
             Kernel::Direct(_) => 0,
         }
     }
 
     /// Tiles of a convolution by Winograd's algorithm.
-    fn tiles(&self, sizes: &Sizes) -> usize {
-        let tile = winograd::TILE + 1 - self.shape.kernel;
-        let side = |side: usize| (side + usize::from(self.shape.pool)).div_ceil(tile);
-        sizes.convolved.map(side).into_iter().product()
+    fn tiles(&self, tiling: &Tiling, sizes: &Sizes) -> usize {
+        tiling
+            .tiles(self.shape.pool, sizes.convolved)
+            .into_iter()
+            .product()
     }
 
     /// How `sizes` are computed.
@@ -210,13 +225,17 @@ impl Layer {
         let count = |numbers: &[usize]| numbers.iter().map(|n| *n as u64).product();
         let [width, height] = sizes.convolved;
         let [channels, padded] = self.channels;
-        let tile = winograd::TILE;
-        let (mut by, done) = match self.kernel {
-            Kernel::Winograd(_) => {
-                let cells = tile + 1 - kernel;
+        let (mut by, done) = match &self.kernel {
+            Kernel::Winograd(tiling, _) => {
+                let cells = tiling.outputs;
+                let by = format!("Winograd F({cells}x{cells}, {kernel}x{kernel})");
+                let by = match stride {
+                    1 => by,
+                    _ => format!("{by}, stride {stride}"),
+                };
                 (
-                    format!("Winograd F({cells}x{cells}, {kernel}x{kernel})"),
-                    count(&[self.tiles(sizes), tile, tile, channels, padded]),
+                    by,
+                    count(&[self.tiles(tiling, sizes), tiling.places(), channels, padded]),
                 )
             }
             Kernel::Direct(_) => (
@@ -260,9 +279,9 @@ impl Layer {
             to,
         };
         match &self.kernel {
-            Kernel::Winograd(panels) => Winograd {
+            Kernel::Winograd(tiling, panels) => Winograd {
                 panels,
-                kernel: self.shape.kernel,
+                tiling: *tiling,
                 convolved: sizes.convolved,
                 epilogue,
                 input,
@@ -289,11 +308,6 @@ impl Layer {
             }
         }
     }
-}
-
-/// Whether tiles are worth their transforms: a channel that is transformed has to serve enough sums.
-fn prefers_winograd(shape: &ConvLayer, channels: usize, lanes: usize) -> bool {
-    shape.stride == 1 && channels.is_multiple_of(lanes) && shape.inputs.min(shape.outputs) >= 16
 }
 
 /// A filter bank with the batch norm's scale of every output.

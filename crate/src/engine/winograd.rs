@@ -1,10 +1,14 @@
-//! Convolutions with stride 1 by Winograd's algorithm: a tile of M x M outputs costs 36 products instead of
+//! Convolutions by Winograd's algorithm: a tile of M x M outputs costs as many products as it has cells instead of
 //! M² kernel², at the price of additions.
 //!
-//! Tiles of 6 x 6 cells serve filters of 3 x 3 (M = 4) and 5 x 5 (M = 2), which differ in the transforms of filters and
-//! results only. Tiles go through in blocks whose transforms stay in the second-level cache: input transform of a
-//! block, then for every panel of outputs 36 products and the output transform, which adds the bias, pools and applies
-//! the ReLU, so that no sum is written to memory other than as a result.
+//! Tiles of 6 x 6 cells serve filters of 3 x 3 (M = 4) and 5 x 5 (M = 2) with stride 1, which differ in the transforms of
+//! filters and results only. Filters of 3 x 3 with stride 2 take tiles of 9 x 9 (M = 4): along an axis, the first and the
+//! last tap meet every other cell, which is a filter of 2 taps with stride 1 and has a transform of 5 points; the middle
+//! tap meets the 4 cells between, which stay as they are. So 81 products do the work of 144.
+//!
+//! Tiles go through in blocks whose transforms stay in the second-level cache: input transform of a block, then for every
+//! panel of outputs the products and the output transform, which adds the bias, pools and applies the ReLU, so that no sum
+//! is written to memory other than as a result.
 //!
 //! A. Lavin, S. Gray: Fast Algorithms for Convolutional Neural Networks (2016).
 
@@ -17,22 +21,134 @@ use super::map::Map;
 use super::simd::larger;
 use crate::error::Result;
 
-/// Cells of a side of a tile.
-pub(super) const TILE: usize = 6;
-
-/// Places of a tile.
-const PLACES: usize = TILE * TILE;
-
-/// The tile's polynomials are evaluated at 0, ±[`NEAR`], ±[`FAR`] and infinity.
+/// The points at which the polynomials of tiles with stride 1 are evaluated: 0, ±[`NEAR`], ±[`FAR`] and infinity. With
+/// stride 2 they are 0, ±[`NEAR`], [`FAR`] and infinity.
 const NEAR: f32 = 1.0;
 const FAR: f32 = 2.0;
 
 /// Numbers of a block of transformed tiles: half of a common second-level cache.
 const BLOCK: usize = 128 * 1024;
 
-/// Cells that a tile results in, a side, for a `kernel`; `None` where there is no transform for it.
-pub(super) fn outputs_a_side(kernel: usize) -> Option<usize> {
-    matches!(kernel, 3 | 5).then(|| TILE + 1 - kernel)
+/// How the cells of a convolution are cut into tiles.
+#[derive(Clone, Copy)]
+pub(super) struct Tiling {
+    pub kernel: usize,
+    pub stride: usize,
+    /// Cells of a side of a tile, and places of its transform.
+    pub side: usize,
+    /// Cells that a tile results in, a side.
+    pub outputs: usize,
+}
+
+impl Tiling {
+    /// `None` where there is no transform for it.
+    pub fn new(kernel: usize, stride: usize) -> Option<Self> {
+        let outputs = match (kernel, stride) {
+            (3, 1 | 2) => 4,
+            (5, 1) => 2,
+            _ => return None,
+        };
+        Some(Self {
+            kernel,
+            stride,
+            side: (outputs - 1) * stride + kernel,
+            outputs,
+        })
+    }
+
+    /// Places of a tile.
+    pub fn places(&self) -> usize {
+        self.side * self.side
+    }
+
+    /// Tiles along the axes for `convolved` cells.
+    pub fn tiles(&self, pool: bool, convolved: [usize; 2]) -> [usize; 2] {
+        // A pool takes its first maximum over the first row and the one before it, so tiles begin there as well.
+        convolved.map(|side| (side + usize::from(pool)).div_ceil(self.outputs))
+    }
+
+    /// Cells that `tiles` look at along an axis.
+    fn reach(&self, tiles: usize) -> usize {
+        (tiles * self.outputs - 1) * self.stride + self.kernel
+    }
+
+    /// Cells in front of the input of a convolution and behind it on both axes, of which `size` come in and `convolved`
+    /// out.
+    pub fn frame(
+        &self,
+        padding: usize,
+        pool: bool,
+        size: [usize; 2],
+        convolved: [usize; 2],
+    ) -> (usize, [usize; 2]) {
+        let before = padding + usize::from(pool);
+        let tiles = self.tiles(pool, convolved);
+        // With a stride, the last cells may meet no tap.
+        let after = [0, 1].map(|axis| self.reach(tiles[axis]).saturating_sub(before + size[axis]));
+        (before, after)
+    }
+
+    /// Tiles that are transformed at a time, and numbers that a convolution of `tiles` needs beside input and output.
+    pub fn scratch(&self, lanes: usize, channels: usize, tiles: usize) -> (usize, usize) {
+        let rows = tile_rows(lanes);
+        let most = (BLOCK / (self.places() * channels)).clamp(rows, 32 * rows);
+        // Equal blocks, as whole tiles of the product.
+        let blocks = tiles.div_ceil(most);
+        let block = tiles.div_ceil(blocks).next_multiple_of(rows);
+        let strides = Strides::new(block, channels, lanes);
+        (block, self.places() * (strides.source + strides.product))
+    }
+
+    /// What the taps of an axis become: `kernel` factors for every place.
+    fn filter_transform(&self) -> Vec<f64> {
+        let points = [0.0, NEAR, -NEAR, FAR, -FAR].map(f64::from);
+        // The taps that are a filter with stride 1; the place of a tap between them stands for itself.
+        let taps: Vec<usize> = (0..self.kernel).step_by(self.stride).collect();
+        let finite = &points[..self.outputs + taps.len() - 2];
+        let mut matrix = vec![0.0f64; self.side * self.kernel];
+        for (i, row) in matrix.chunks_exact_mut(self.kernel).enumerate() {
+            if let Some(p) = finite.get(i) {
+                let others = finite.iter().enumerate().filter(|(j, _)| *j != i);
+                let scale: f64 = others.map(|(_, q)| p - q).product();
+                for (power, tap) in taps.iter().enumerate() {
+                    row[*tap] = p.powi(power as i32) / scale;
+                }
+            } else if i == finite.len() {
+                // Infinity, where only the highest power counts.
+                row[self.kernel - 1] = 1.0;
+            } else {
+                row[1] = 1.0;
+            }
+        }
+        matrix
+    }
+
+    /// The filters (outputs x inputs x kernel x kernel, by `at`) in the tile's points, packed for the product.
+    ///
+    /// # Errors
+    /// When there is no memory for them.
+    pub fn transform_filters(
+        &self,
+        lanes: usize,
+        [outputs, inputs]: [usize; 2],
+        at: impl Fn(usize, usize, usize, usize) -> f32,
+    ) -> Result<Vec<Panels>> {
+        let matrix = self.filter_transform();
+        (0..self.places())
+            .map(|place| {
+                let [rows, columns] =
+                    [place / self.side, place % self.side].map(|i| &matrix[i * self.kernel..][..self.kernel]);
+                Panels::new(lanes, inputs, outputs, |input, output| {
+                    let tap = |(ky, y): (usize, &f64)| {
+                        let row = columns.iter().enumerate();
+                        let row = row.map(|(kx, x)| x * f64::from(at(output, input, ky, kx)));
+                        y * row.sum::<f64>()
+                    };
+                    rows.iter().enumerate().map(tap).sum::<f64>() as f32
+                })
+            })
+            .collect()
+    }
 }
 
 /// What a convolution gives: every sum plus a bias, or the largest of 2 x 2 sums times a scale plus a bias; then what is
@@ -48,46 +164,17 @@ pub(super) struct Epilogue<'a> {
 pub(super) struct Winograd<'a> {
     /// Transformed filters, a place of the tile after the other.
     pub panels: &'a [Panels],
-    pub kernel: usize,
+    pub tiling: Tiling,
     /// Columns and rows of the convolution, before a pool.
     pub convolved: [usize; 2],
     pub epilogue: Epilogue<'a>,
     pub input: &'a [f32],
-    /// As [`frame`] has it.
+    /// As [`Tiling::frame`] has it.
     pub from: Map,
     pub output: &'a mut [f32],
     pub to: Map,
-    /// Of [`scratch`] numbers.
+    /// As many numbers as [`Tiling::scratch`] says.
     pub scratch: &'a mut [f32],
-}
-
-/// Cells in front of the input of a convolution and behind it on both axes, of which `size` come in and `convolved` out.
-pub(super) fn frame(
-    kernel: usize,
-    padding: usize,
-    pool: bool,
-    size: [usize; 2],
-    convolved: [usize; 2],
-) -> (usize, [usize; 2]) {
-    // A pool takes its first maximum over the first row and the one before it, so tiles begin there as well.
-    let before = padding + usize::from(pool);
-    let tile = TILE + 1 - kernel;
-    let after = [0, 1].map(|axis| {
-        let tiles = (convolved[axis] + usize::from(pool)).div_ceil(tile);
-        tiles * tile + kernel - 1 - before - size[axis]
-    });
-    (before, after)
-}
-
-/// Tiles that are transformed at a time, and numbers that a convolution of `tiles` needs beside input and output.
-pub(super) fn scratch(lanes: usize, channels: usize, tiles: usize) -> (usize, usize) {
-    let rows = tile_rows(lanes);
-    let most = (BLOCK / (PLACES * channels)).clamp(rows, 32 * rows);
-    // Equal blocks, as whole tiles of the product.
-    let blocks = tiles.div_ceil(most);
-    let block = tiles.div_ceil(blocks).next_multiple_of(rows);
-    let strides = Strides::new(block, channels, lanes);
-    (block, PLACES * (strides.source + strides.product))
 }
 
 /// Numbers from a place of the tile to the next.
@@ -107,57 +194,21 @@ impl Strides {
     }
 }
 
-/// The filters (outputs x inputs x kernel x kernel, by `at`) in the tile's points, packed for the product.
-///
-/// # Errors
-/// When there is no memory for them.
-pub(super) fn transform_filters(
-    lanes: usize,
-    kernel: usize,
-    [outputs, inputs]: [usize; 2],
-    at: impl Fn(usize, usize, usize, usize) -> f32,
-) -> Result<Vec<Panels>> {
-    let points = [0.0, NEAR, -NEAR, FAR, -FAR].map(f64::from);
-    // One row a point; the last one is infinity, where only the highest power counts.
-    let mut matrix = vec![0.0f64; TILE * kernel];
-    for (i, row) in matrix.chunks_exact_mut(kernel).enumerate() {
-        match points.get(i) {
-            Some(p) => {
-                let others = points.iter().enumerate().filter(|(j, _)| *j != i);
-                let scale: f64 = others.map(|(_, q)| p - q).product();
-                for (power, value) in row.iter_mut().enumerate() {
-                    *value = p.powi(power as i32) / scale;
-                }
-            }
-            None => row[kernel - 1] = 1.0,
-        }
-    }
-    (0..PLACES)
-        .map(|place| {
-            let [rows, columns] = [place / TILE, place % TILE].map(|i| &matrix[i * kernel..][..kernel]);
-            Panels::new(lanes, inputs, outputs, |input, output| {
-                let tap = |(ky, y): (usize, &f64)| {
-                    let row = columns.iter().enumerate();
-                    let row = row.map(|(kx, x)| x * f64::from(at(output, input, ky, kx)));
-                    y * row.sum::<f64>()
-                };
-                rows.iter().enumerate().map(tap).sum::<f64>() as f32
-            })
-        })
-        .collect()
-}
-
 impl SimdOp for Winograd<'_> {
     type Output = ();
 
     #[inline(always)]
     fn eval<I: Isa>(self, isa: I) {
-        with_rows!(isa, ROWS => match (self.kernel, self.epilogue.scale.is_some()) {
-            (3, false) => self.run::<I, ROWS, 4, false>(isa),
-            (3, true) => self.run::<I, ROWS, 4, true>(isa),
-            (5, false) => self.run::<I, ROWS, 2, false>(isa),
-            (5, true) => self.run::<I, ROWS, 2, true>(isa),
-            _ => unreachable!("no transform for a kernel of {}", self.kernel),
+        with_rows!(isa, ROWS => {
+            let Tiling { side, outputs, .. } = self.tiling;
+            match (side, outputs, self.epilogue.scale.is_some()) {
+                (6, 4, false) => self.run::<I, ROWS, 6, 4, false>(isa),
+                (6, 4, true) => self.run::<I, ROWS, 6, 4, true>(isa),
+                (6, 2, false) => self.run::<I, ROWS, 6, 2, false>(isa),
+                (6, 2, true) => self.run::<I, ROWS, 6, 2, true>(isa),
+                (9, 4, false) => self.run::<I, ROWS, 9, 4, false>(isa),
+                _ => unreachable!("no transform for tiles of {side} x {side}"),
+            }
         });
     }
 }
@@ -181,20 +232,21 @@ impl Block {
 
 impl Winograd<'_> {
     #[inline(always)]
-    fn run<I: Isa, const ROWS: usize, const M: usize, const POOL: bool>(mut self, isa: I) {
+    fn run<I: Isa, const ROWS: usize, const SIDE: usize, const M: usize, const POOL: bool>(mut self, isa: I) {
         let lanes = isa.f32().len();
         let inputs = self.from.channels;
         let outputs = self.to.channels;
-        let before = usize::from(POOL);
-        let [across, down] = self.convolved.map(|side| (side + before).div_ceil(M));
-        let (block, needed) = scratch(lanes, inputs, across * down);
+        let tiling = self.tiling;
+        let [across, down] = tiling.tiles(POOL, self.convolved);
+        let (block, needed) = tiling.scratch(lanes, inputs, across * down);
         let strides = Strides::new(block, inputs, lanes);
         let framed = self.from.framed();
-        assert!(framed[0] >= across * M + self.kernel - 1 && framed[1] >= down * M + self.kernel - 1);
+        assert!(framed[0] >= tiling.reach(across) && framed[1] >= tiling.reach(down));
         assert!(self.input.len() >= self.from.len() && self.output.len() >= self.to.len());
         assert!(self.scratch.len() >= needed);
         assert!(inputs.is_multiple_of(lanes) && outputs.is_multiple_of(lanes));
-        assert_eq!(self.panels.len(), PLACES);
+        assert_eq!([tiling.side, tiling.outputs], [SIDE, M]);
+        assert_eq!(self.panels.len(), tiling.places());
         for panels in self.panels {
             assert_eq!([panels.steps(), panels.columns()], [inputs, outputs]);
         }
@@ -211,50 +263,52 @@ impl Winograd<'_> {
             };
             // SAFETY: the sizes are asserted above.
             unsafe {
-                self.transform_input::<I, M>(isa, block, &strides);
+                self.transform_input::<I, SIDE>(isa, block, &strides);
                 let mut first = 0;
                 while first + WIDE * lanes <= outputs {
                     self.product::<I, ROWS, WIDE>(isa, block, &strides, first);
-                    self.transform_output::<I, M, WIDE, POOL>(isa, block, &strides, first);
+                    self.transform_output::<I, SIDE, M, WIDE, POOL>(isa, block, &strides, first);
                     first += WIDE * lanes;
                 }
                 if first < outputs {
                     self.product::<I, ROWS, 1>(isa, block, &strides, first);
-                    self.transform_output::<I, M, 1, POOL>(isa, block, &strides, first);
+                    self.transform_output::<I, SIDE, M, 1, POOL>(isa, block, &strides, first);
                 }
             }
         }
     }
 
     /// Places x tiles x channels.
-    #[inline(always)]
-    unsafe fn transform_input<I: Isa, const M: usize>(&mut self, isa: I, block: Block, strides: &Strides) {
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
+    unsafe fn transform_input<I: Isa, const SIDE: usize>(&mut self, isa: I, block: Block, strides: &Strides) {
         let ops = isa.f32();
         let lanes = ops.len();
         let channels = self.from.channels;
         let pitch = self.from.pitch();
+        let step = self.tiling.outputs * self.tiling.stride;
         for tile in 0..block.count {
-            let [x, y] = block.place(tile).map(|place| place * M);
+            let [x, y] = block.place(tile).map(|place| place * step);
             for channel in (0..channels).step_by(lanes) {
                 // SAFETY: `run` asserts that the frame holds all tiles, and scratch a block of them.
                 unsafe {
                     let from = self.input.as_ptr().add(y * pitch + x * channels + channel);
                     let to = self.scratch.as_mut_ptr().add(tile * channels + channel);
-                    let mut half = [[ops.zero(); TILE]; TILE];
+                    let mut half = [[ops.zero(); SIDE]; SIDE];
                     for (column, half) in half.iter_mut().enumerate() {
-                        let mut cells = [ops.zero(); TILE];
+                        let mut cells = [ops.zero(); SIDE];
                         for (row, cell) in cells.iter_mut().enumerate() {
                             *cell = ops.load_ptr(from.add(row * pitch + column * channels));
                         }
                         *half = input_points(isa, cells);
                     }
-                    for row in 0..TILE {
-                        let mut cells = [ops.zero(); TILE];
+                    for row in 0..SIDE {
+                        let mut cells = [ops.zero(); SIDE];
                         for (cell, half) in cells.iter_mut().zip(&half) {
                             *cell = half[row];
                         }
                         for (column, value) in input_points(isa, cells).into_iter().enumerate() {
-                            ops.store_ptr(value, to.add((row * TILE + column) * strides.source));
+                            ops.store_ptr(value, to.add((row * SIDE + column) * strides.source));
                         }
                     }
                 }
@@ -263,7 +317,8 @@ impl Winograd<'_> {
     }
 
     /// Places x tiles x N vectors of outputs, from `first` on.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     unsafe fn product<I: Isa, const ROWS: usize, const N: usize>(
         &mut self,
         isa: I,
@@ -274,7 +329,7 @@ impl Winograd<'_> {
         let ops = isa.f32();
         let lanes = ops.len();
         let channels = self.from.channels;
-        let (source, product) = self.scratch.split_at_mut(PLACES * strides.source);
+        let (source, product) = self.scratch.split_at_mut(self.tiling.places() * strides.source);
         for (place, panels) in self.panels.iter().enumerate() {
             let panel = panels.panel(first).as_ptr();
             let mut tile = 0;
@@ -300,8 +355,15 @@ impl Winograd<'_> {
     }
 
     /// Results of N vectors of outputs, from `first` on.
-    #[inline(always)]
-    unsafe fn transform_output<I: Isa, const M: usize, const N: usize, const POOL: bool>(
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
+    unsafe fn transform_output<
+        I: Isa,
+        const SIDE: usize,
+        const M: usize,
+        const N: usize,
+        const POOL: bool,
+    >(
         &mut self,
         isa: I,
         block: Block,
@@ -313,7 +375,7 @@ impl Winograd<'_> {
         let before = usize::from(POOL);
         let floor = ops.splat(self.epilogue.floor);
         let lowest = ops.splat(f32::NEG_INFINITY);
-        let product = &self.scratch[PLACES * strides.source..];
+        let product = &self.scratch[SIDE * SIDE * strides.source..];
         for tile in 0..block.count {
             let place = block.place(tile);
             // Cells of the tile that the convolution has.
@@ -325,21 +387,21 @@ impl Winograd<'_> {
                 // SAFETY: scratch holds the block's products; cells are written only where `run` asserts that they are.
                 unsafe {
                     let from = product.as_ptr().add((tile * N + i) * lanes);
-                    let mut half = [[ops.zero(); M]; TILE];
+                    let mut half = [[ops.zero(); M]; SIDE];
                     for (column, half) in half.iter_mut().enumerate() {
-                        let mut places = [ops.zero(); TILE];
+                        let mut places = [ops.zero(); SIDE];
                         for (row, place) in places.iter_mut().enumerate() {
-                            *place = ops.load_ptr(from.add((row * TILE + column) * strides.product));
+                            *place = ops.load_ptr(from.add((row * SIDE + column) * strides.product));
                         }
-                        *half = output_cells::<I, M>(isa, places);
+                        *half = output_cells::<I, SIDE, M>(isa, places);
                     }
                     let mut cells = [[ops.zero(); M]; M];
                     for (row, cells) in cells.iter_mut().enumerate() {
-                        let mut places = [ops.zero(); TILE];
+                        let mut places = [ops.zero(); SIDE];
                         for (place, half) in places.iter_mut().zip(&half) {
                             *place = half[row];
                         }
-                        *cells = output_cells::<I, M>(isa, places);
+                        *cells = output_cells::<I, SIDE, M>(isa, places);
                     }
                     let bias = ops.load_ptr(self.epilogue.bias.as_ptr().add(channel));
                     if POOL {
@@ -396,34 +458,59 @@ impl Winograd<'_> {
 
 /// The input transform along one axis.
 #[inline(always)]
-fn input_points<I: Isa>(isa: I, d: [I::F32; TILE]) -> [I::F32; TILE] {
+fn input_points<I: Isa, const SIDE: usize>(isa: I, d: [I::F32; SIDE]) -> [I::F32; SIDE] {
     let ops = isa.f32();
     let scaled = |factor: f32, value, sum| ops.mul_add(ops.splat(factor), value, sum);
     let (near, far) = (NEAR * NEAR, FAR * FAR);
-    let even_near = scaled(-far, d[2], d[4]);
-    let odd_near = scaled(-far, d[1], d[3]);
-    let even_far = scaled(-near, d[2], d[4]);
-    let odd_far = scaled(-near, d[1], d[3]);
-    [
-        scaled(near * far, d[0], scaled(-(near + far), d[2], d[4])),
-        scaled(NEAR, odd_near, even_near),
-        scaled(-NEAR, odd_near, even_near),
-        scaled(FAR, odd_far, even_far),
-        scaled(-FAR, odd_far, even_far),
-        scaled(near * far, d[1], scaled(-(near + far), d[3], d[5])),
-    ]
+    let mut points = d;
+    match SIDE {
+        6 => {
+            let even_near = scaled(-far, d[2], d[4]);
+            let odd_near = scaled(-far, d[1], d[3]);
+            let even_far = scaled(-near, d[2], d[4]);
+            let odd_far = scaled(-near, d[1], d[3]);
+            points[0] = scaled(near * far, d[0], scaled(-(near + far), d[2], d[4]));
+            points[1] = scaled(NEAR, odd_near, even_near);
+            points[2] = scaled(-NEAR, odd_near, even_near);
+            points[3] = scaled(FAR, odd_far, even_far);
+            points[4] = scaled(-FAR, odd_far, even_far);
+            points[5] = scaled(near * far, d[1], scaled(-(near + far), d[3], d[5]));
+        }
+        9 => {
+            // The cells of the outer taps; those of the middle one come behind them.
+            let between: [I::F32; 4] = std::array::from_fn(|i| d[2 * i + 1]);
+            let d: [I::F32; 5] = std::array::from_fn(|i| d[2 * i]);
+            let at_far = scaled(-near, d[1], d[3]);
+            points[0] = scaled(near * FAR, d[0], scaled(-FAR, d[2], at_far));
+            points[1] = scaled(-(NEAR * FAR), d[1], scaled(NEAR - FAR, d[2], d[3]));
+            points[2] = scaled(NEAR * FAR, d[1], scaled(-(NEAR + FAR), d[2], d[3]));
+            points[3] = at_far;
+            points[4] = scaled(-FAR, at_far, scaled(-near, d[2], d[4]));
+            points[5..].copy_from_slice(&between);
+        }
+        _ => unreachable!("no transform for tiles of {SIDE} x {SIDE}"),
+    }
+    points
 }
 
 /// The output transform along one axis: result i is the sum of a point's product times the point to the power of i, and
-/// the last one has infinity's as well.
+/// the last one has infinity's as well. With stride 2, the products of the middle tap are added.
 #[inline(always)]
-fn output_cells<I: Isa, const M: usize>(isa: I, m: [I::F32; TILE]) -> [I::F32; M] {
+fn output_cells<I: Isa, const SIDE: usize, const M: usize>(isa: I, m: [I::F32; SIDE]) -> [I::F32; M] {
     let ops = isa.f32();
-    let even = [ops.add(m[1], m[2]), ops.add(m[3], m[4])];
-    let odd = [ops.sub(m[1], m[2]), ops.sub(m[3], m[4])];
+    let strided = SIDE == 9;
+    let even = ops.add(m[1], m[2]);
+    let odd = ops.sub(m[1], m[2]);
+    let [even_far, odd_far, infinity] = match strided {
+        false => [ops.add(m[3], m[4]), ops.sub(m[3], m[4]), m[5]],
+        true => [m[3], m[3], m[4]],
+    };
     let mut cells = [m[0]; M];
     for (power, cell) in cells.iter_mut().enumerate() {
-        let [near, far] = if power % 2 == 0 { even } else { odd };
+        let (near, far) = match power % 2 {
+            0 => (even, even_far),
+            _ => (odd, odd_far),
+        };
         let [at_near, at_far] = [NEAR, FAR].map(|point| {
             let mut value = 1.0;
             for _ in 0..power {
@@ -431,11 +518,14 @@ fn output_cells<I: Isa, const M: usize>(isa: I, m: [I::F32; TILE]) -> [I::F32; M
             }
             ops.splat(value)
         });
-        let last = match power {
+        let mut last = match power {
             0 => ops.add(m[0], near),
-            _ if power + 1 == M => ops.mul_add(at_near, near, m[5]),
+            _ if power + 1 == M => ops.mul_add(at_near, near, infinity),
             _ => ops.mul(at_near, near),
         };
+        if strided {
+            last = ops.add(last, m[5 + power]);
+        }
         *cell = ops.mul_add(at_far, far, last);
     }
     cells

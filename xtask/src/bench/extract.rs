@@ -1,14 +1,15 @@
-//! Extraction on the CPU, natively: the engine against ONNX Runtime and PyTorch eager, by turns.
+//! Extraction on the CPU, natively: the engine against ONNX Runtime, PyTorch eager and rten, by turns.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::{ROUNDS, median};
+use super::{median, programs};
 use crate::workspace::Workspace;
 use crate::{run, setup};
 
@@ -16,7 +17,7 @@ use crate::{run, setup};
 const ENCODERS: [&str; 3] = ["basic", "keynet", "dsae"];
 const SIDES: [u32; 2] = [128, 256];
 const THREADS: [usize; 2] = [1, 2];
-const PROGRAMS: [&str; 3] = ["tracklens", "ONNX Runtime", "PyTorch eager"];
+const PROGRAMS: [&str; 4] = ["tracklens", "ONNX Runtime", "PyTorch eager", "rten"];
 
 /// What one run of a program prints: a line for every encoder and size, and the peak of a core.
 #[derive(Debug, Default, PartialEq)]
@@ -51,51 +52,49 @@ impl Run {
     }
 }
 
-pub fn run(workspace: &Workspace) -> Result<()> {
+/// `rounds` runs of every program with every number of threads.
+pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let peers = workspace.root().join("crate/benches/peers");
     let onnx = setup::python(workspace, "onnxruntime", &peers.join("requirements-onnx.txt"))?;
     let torch = setup::python(workspace, "torch", &peers.join("requirements-torch.txt"))?;
     let made = TempDir::new().context("no folder for the encoders")?;
-    let cargo = |arguments: &[&str]| {
-        let mut cargo = run::cargo();
-        cargo.args(arguments).current_dir(workspace.root());
-        cargo
-    };
+    let [tracklens, _] = programs(workspace)?;
     let bench = || {
-        cargo(&[
+        let mut cargo = run::cargo();
+        cargo.args([
             "bench",
             "--package=tracklens",
             "--no-default-features",
             "--features=cli",
-            "--bench=extract",
-            "--",
-        ])
+        ]);
+        cargo
+            .args(["--bench=extract", "--"])
+            .current_dir(workspace.root());
+        cargo
     };
     run::run(bench().arg("--checkpoints").arg(made.path()))?;
     for encoder in ENCODERS {
         let file = made.path().join(encoder);
-        let mut export = cargo(&["run", "--release", "--package=tracklens", "--no-default-features"]);
-        export.args([
-            "--features=cli",
-            "--bin=tracklens",
-            "--",
-            "export",
-            "--checkpoint",
-        ]);
-        export.arg(file.with_extension("safetensors"));
+        let mut export = run::command(&tracklens);
+        export
+            .args(["export", "--checkpoint"])
+            .arg(file.with_extension("safetensors"));
         run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
     }
+    let rten = rten(workspace, &peers)?;
     for threads in THREADS {
         let count = threads.to_string();
         let mut runs: [Vec<Run>; PROGRAMS.len()] = Default::default();
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
             let mut python = run::command(&onnx);
             python.arg(peers.join("extract_onnxruntime.py")).arg(made.path());
             let mut eager = run::command(&torch);
             eager.arg(peers.join("extract_torch.py"));
+            let mut rust = run::command(&rten);
+            rust.arg(made.path());
             let mut ours = bench();
             ours.arg("--json");
-            for (command, runs) in [ours, python, eager].iter_mut().zip(&mut runs) {
+            for (command, runs) in [ours, python, eager, rust].iter_mut().zip(&mut runs) {
                 runs.push(timed(command.args(["--threads", &count]))?);
             }
         }
@@ -104,22 +103,36 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     Ok(())
 }
 
+/// The peer that is written in Rust, built beside the rest.
+fn rten(workspace: &Workspace, peers: &Path) -> Result<PathBuf> {
+    let folder = workspace.target().join("peers");
+    let mut build = run::cargo();
+    build
+        .args(["build", "--release", "--locked", "--manifest-path"])
+        .arg(peers.join("extract_rten/Cargo.toml"))
+        .env("CARGO_TARGET_DIR", &folder);
+    run::run(&mut build)?;
+    let program = format!("extract_rten{}", std::env::consts::EXE_SUFFIX);
+    Ok(folder.join("release").join(program))
+}
+
 fn timed(command: &mut Command) -> Result<Run> {
     Ok(Run::parse(&run::output(command)?))
 }
 
-/// Medians over the runs, and the medians of the ratios of runs that followed each other.
+/// A table in Markdown: medians over the runs, and the medians of the ratios of runs that followed each other.
 fn table(threads: usize, runs: &[Vec<Run>; PROGRAMS.len()]) -> Result<String> {
     let [ours, peers @ ..] = runs;
     let peak = median(ours.iter().filter_map(|run| run.peak).collect())?;
     let mut table = format!(
-        "threads: {threads}; tracklens runs a frame a thread, the others a frame on all of them; ms a frame, GFLOP/s by the \
-         definition of the convolutions; peak of a core: {peak:.0} GFLOP/s\n{:<12}{:>10}{:>9}{:>9}",
-        "", PROGRAMS[0], "GFLOP/s", "of peak"
+        "Threads: {threads}. tracklens runs a frame a thread, the others a frame on all of them. Milliseconds a frame, GFLOP/s by \
+         the definition of the convolutions; the peak of a core is {peak:.0} GFLOP/s.\n\n| | {} | GFLOP/s | of peak |",
+        PROGRAMS[0]
     );
     for peer in &PROGRAMS[1..] {
-        write!(table, "{peer:>15}{:>7}", "ratio")?;
+        write!(table, " {peer} | ratio |")?;
     }
+    write!(table, "\n|---|{}", "---|".repeat(3 + 2 * peers.len()))?;
     for encoder in ENCODERS {
         for side in SIDES {
             let name = format!("{encoder} {side}");
@@ -133,12 +146,12 @@ fn table(threads: usize, runs: &[Vec<Run>; PROGRAMS.len()]) -> Result<String> {
             let mflop = ours.first().and_then(|run| run.mflop.get(&name)).copied();
             let gflops = mflop.with_context(|| format!("{name} has no number of operations"))? / time;
             let share = 100.0 * gflops / (peak * threads as f64);
-            write!(table, "\n{name:<12}{time:>10.2}{gflops:>9.0}{share:>8.0}%")?;
+            write!(table, "\n| {name} | {time:.2} | {gflops:.0} | {share:.0} % |")?;
             for peer in peers {
                 let theirs = times(peer)?;
                 let ratios = own.iter().zip(&theirs).map(|(ours, theirs)| theirs / ours);
                 let ratio = median(ratios.collect())?;
-                write!(table, "{:>15.2}{ratio:>7.2}", median(theirs.clone())?)?;
+                write!(table, " {:.2} | {ratio:.2} |", median(theirs.clone())?)?;
             }
         }
     }
@@ -179,13 +192,22 @@ mod tests {
         // The machine was busy in the second round: 2, 2 and 3 times as fast.
         let table = table(
             1,
-            &[runs([1.0, 10.0, 1.0]), runs([2.0, 20.0, 3.0]), runs([1.0; 3])],
+            &[
+                runs([1.0, 10.0, 1.0]),
+                runs([2.0, 20.0, 3.0]),
+                runs([1.0; 3]),
+                runs([4.0; 3]),
+            ],
         )?;
-        let row = table.lines().find(|line| line.starts_with("basic 128"));
-        let columns: Vec<_> = row.context("a row")?.split_whitespace().collect();
-        assert_eq!(
-            columns[2..],
-            ["1.00", "100", "200%", "3.00", "2.00", "1.00", "1.00"]
+        let row = table.lines().find(|line| line.starts_with("| basic 128"));
+        let expected = "| basic 128 | 1.00 | 100 | 200 % | 3.00 | 2.00 | 1.00 | 1.00 | 4.00 | 4.00 |";
+        assert_eq!(row.context("a row")?, expected);
+        let columns = |line: &str| line.matches('|').count();
+        assert!(
+            table
+                .lines()
+                .skip(2)
+                .all(|line| columns(line) == columns(expected))
         );
         Ok(())
     }
@@ -196,6 +218,6 @@ mod tests {
             peak: Some(50.0),
             ..Run::default()
         };
-        assert!(table(1, &[vec![run()], vec![run()], vec![run()]]).is_err());
+        assert!(table(1, &[(); PROGRAMS.len()].map(|()| vec![run()])).is_err());
     }
 }

@@ -14,12 +14,9 @@ use serde_json::Value;
 use server::{Sent, Server};
 use tempfile::TempDir;
 
-use super::median;
+use super::{median, programs};
 use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
-
-/// How often a page is opened, each time with an empty cache.
-const VISITS: usize = 7;
 
 /// The encoders whose extraction is timed, and the sides of their inputs.
 const ENCODERS: [&str; 2] = ["basic", "keynet"];
@@ -31,7 +28,8 @@ const TABLES: [usize; 3] = [2500, 32, 3];
 /// Longer than any benchmark takes.
 const PATIENCE: Duration = Duration::from_secs(1800);
 
-pub fn run(workspace: &Workspace) -> Result<()> {
+/// The page is opened `rounds` times, each time with an empty cache, and as often frames are extracted with both.
+pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let browser = setup::chromium()?;
     let node = setup::node()?;
     let peers = setup::npm_packages(workspace, &node, &setup::PAGE_PEERS)?;
@@ -53,50 +51,44 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     };
 
     let first_tc = Server::start(folders(None), "bench/first-tc.js", false)?;
+    println!("| | interactive, ms | KiB | first TC, ms | KiB | KiB of example |\n|---|---|---|---|---|---|");
     for (what, query) in [("the example", ""), ("two dropped tables", "?tables")] {
         let mut visits = Vec::new();
         let mut weight = None;
-        for _ in 0..VISITS {
+        for _ in 0..rounds {
             visits.push(visit(&browser, &first_tc, &format!("/{query}"))?);
             weight = Some(first_tc.take_sent());
         }
         let (sent, before) = weight.context("no visit")?;
         println!("{}", first_tc_line(what, &visits, &sent, before)?);
     }
+    println!("\nMedians of {rounds} visits with an empty cache; what was sent, gzipped.\n");
 
     let isolated = Server::start(folders(Some(peers)), "", true)?;
-    let result = visit(&browser, &isolated, "/bench/extract.html")?;
+    let result = visit(
+        &browser,
+        &isolated,
+        &format!("/bench/extract.html?rounds={rounds}"),
+    )?;
     println!("{}", extraction_lines(&result)?);
     Ok(())
 }
 
 /// Checkpoints that nobody trained, as `.safetensors` and `.onnx`.
 fn make_encoders(workspace: &Workspace, folder: &Path) -> Result<()> {
-    let cargo = |arguments: &[&str]| {
-        let mut cargo = run::cargo();
-        cargo.args(["run", "--release", "--package=tracklens", "--no-default-features"]);
-        cargo.args(arguments).current_dir(workspace.root());
-        cargo
-    };
+    let [tracklens, example] = programs(workspace)?;
     for encoder in ENCODERS {
         for side in SIDES {
             let file = folder.join(format!("{encoder}-{side}"));
             let weights = file.with_extension("safetensors");
-            let example = ["--features=cli", "--example=random_checkpoint", "--"];
-            run::run(cargo(&example).args([encoder, &side.to_string()]).arg(&weights))?;
-            let export = [
-                "--features=cli",
-                "--bin=tracklens",
-                "--",
-                "export",
-                "--checkpoint",
-            ];
             run::run(
-                cargo(&export)
-                    .arg(&weights)
-                    .arg("--onnx")
-                    .arg(file.with_extension("onnx")),
+                run::command(&example)
+                    .args([encoder, &side.to_string()])
+                    .arg(&weights),
             )?;
+            let mut export = run::command(&tracklens);
+            export.args(["export", "--checkpoint"]).arg(&weights);
+            run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
         }
     }
     Ok(())
@@ -183,7 +175,7 @@ fn visit(browser: &Path, server: &Server, path: &str) -> Result<Value> {
     Ok(result)
 }
 
-/// Medians of the times, and what was sent.
+/// A row: medians of the times, and what was sent until then.
 fn first_tc_line(what: &str, visits: &[Value], sent: &Sent, before: usize) -> Result<String> {
     let times = |field: &str| median(visits.iter().filter_map(|visit| visit[field].as_f64()).collect());
     let ours = |(path, _): &&(String, usize)| !path.starts_with("bench/") && !path.starts_with("made/");
@@ -195,21 +187,20 @@ fn first_tc_line(what: &str, visits: &[Value], sent: &Sent, before: usize) -> Re
         files.map(|(_, bytes)| bytes).sum::<usize>() as f64 / 1024.0
     };
     Ok(format!(
-        "{what}: interactive after {:.0} ms and {:.0} KiB; first TC after {:.0} ms; {:.0} KiB of page and {:.0} KiB of \
-         example in all (gzipped; medians of {} visits with an empty cache)",
+        "| {what} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
         times("interactive")?,
         weight(&sent[..before], false),
         times("milliseconds")?,
         weight(sent, false),
         weight(sent, true),
-        visits.len()
     ))
 }
 
-/// A line a case: medians, and the median of the ratios of pairs.
+/// A row a case: medians, and the median of the ratios of pairs.
 fn extraction_lines(result: &Value) -> Result<String> {
     let mut lines = format!(
-        "extraction in Chromium, {} cores, ms a frame: tracklens (from encoded images), onnxruntime-web (from pixels), ratio",
+        "In Chromium on {} cores, milliseconds a frame.\n\n| | tracklens, from encoded images | onnxruntime-web, from pixels | \
+         ratio | keypoints differ by |\n|---|---|---|---|---|",
         result["cores"]
     );
     for case in result["cases"].as_array().context("no cases")? {
@@ -221,7 +212,7 @@ fn extraction_lines(result: &Value) -> Result<String> {
         let column = |i: usize| median(pairs.iter().map(|pair| pair[i]).collect());
         write!(
             lines,
-            "\n{}: {:.1}, {:.1}, {:.2} (keypoints differ by {:.1e} at most)",
+            "\n| {} | {:.1} | {:.1} | {:.2} | {:.1e} |",
             case["name"].as_str().unwrap_or_default(),
             column(0)?,
             column(1)?,
@@ -245,7 +236,7 @@ mod tests {
             json!({ "cores": 2, "cases": [{ "name": "basic 128", "difference": 2e-6, "times": times }] });
         let lines = extraction_lines(&result)?;
         assert!(
-            lines.ends_with("basic 128: 2.0, 6.0, 3.00 (keypoints differ by 2.0e-6 at most)"),
+            lines.ends_with("\n| basic 128 | 2.0 | 6.0 | 3.00 | 2.0e-6 |"),
             "{lines}"
         );
         assert!(extraction_lines(&json!({ "cores": 2, "cases": [{ "times": [] }] })).is_err());
@@ -263,10 +254,7 @@ mod tests {
         let sent: Sent = sent.map(|(path, bytes)| (path.to_owned(), bytes)).to_vec();
         let visit = json!({ "interactive": 50.0, "milliseconds": 200.0 });
         let line = first_tc_line("the example", &[visit], &sent, 2)?;
-        assert!(
-            line.starts_with("the example: interactive after 50 ms and 1 KiB; first TC after 200 ms; 3 KiB"),
-            "{line}"
-        );
+        assert_eq!(line, "| the example | 50 | 1 | 200 | 3 | 4 |");
         Ok(())
     }
 }

@@ -215,6 +215,10 @@ fn the_plan_says_how_a_layer_is_computed() {
     assert_eq!(by_tiles.size, [129, 129]);
     assert_eq!(by_tiles.defined, 256 * 256 * 32 * 32 * 9);
     assert_eq!(by_tiles.done, 65 * 65 * 36 * 32 * 32);
+    let strided = plan(shape(3, 2, 32, 64));
+    assert_eq!(strided.kernel, "Winograd F(4x4, 3x3), stride 2 + ReLU");
+    assert_eq!(strided.defined, 128 * 128 * 32 * 64 * 9);
+    assert_eq!(strided.done, 32 * 32 * 81 * 32 * 64);
     let first = plan(shape(7, 2, 3, 64));
     assert_eq!(first.kernel, "direct 7x7, stride 2 + ReLU");
     assert_eq!(first.done, first.defined);
@@ -233,6 +237,38 @@ fn weights_that_are_not_finite_are_named_by_their_layer() {
         let result = Layer::new(&damaged, layer.clone(), gemm::lanes(), 16);
         let error = result.err().expect("an error").to_string();
         assert!(error.contains("`conv`"), "{error}");
+    }
+}
+
+#[test]
+fn the_size_of_packed_weights_is_known_before_they_are_packed() {
+    let lanes = gemm::lanes();
+    for (kernel, stride, inputs, outputs) in [
+        (3, 1, 32, 40),
+        (3, 2, 32, 64),
+        (5, 1, 16, 30),
+        (7, 2, 3, 64),
+        (1, 1, 32, 5),
+    ] {
+        let shape = shape(kernel, stride, inputs, outputs);
+        let channels = if inputs == 3 {
+            3
+        } else {
+            inputs.next_multiple_of(lanes)
+        };
+        let layer = Layer::new(&checkpoint(&shape), shape.clone(), lanes, channels).expect("a layer");
+        let packed = match &layer.kernel {
+            Kernel::Direct(panels) => panels.steps() * panels.columns(),
+            Kernel::Winograd(_, panels) => panels
+                .iter()
+                .map(|panels| panels.steps() * panels.columns())
+                .sum(),
+        };
+        assert_eq!(
+            Layer::weights(&shape, lanes, channels),
+            packed as u64,
+            "{shape:?}"
+        );
     }
 }
 
