@@ -2,8 +2,9 @@
 
 mod shared;
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -529,6 +530,33 @@ fn an_output_that_cannot_be_written_is_told() {
         "{}",
         stderr(&output)
     );
+}
+
+#[test]
+fn a_reader_that_has_had_enough_is_no_error_and_a_full_disk_is_one() {
+    let inspect = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tracklens"));
+        command.args(["inspect", &checkpoint()]).stderr(Stdio::piped());
+        command
+    };
+    let mut child = inspect().stdout(Stdio::piped()).spawn().expect("the binary runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""));
+
+    if cfg!(target_os = "linux") {
+        let full = File::options()
+            .write(true)
+            .open("/dev/full")
+            .expect("a full device");
+        let output = inspect().stdout(full).output().expect("the binary runs");
+        assert_eq!(output.status.code(), Some(1));
+        assert!(
+            stderr(&output).contains("standard output: No space left on device"),
+            "{}",
+            stderr(&output)
+        );
+    }
 }
 
 #[test]

@@ -69,12 +69,27 @@ async function measured([name, side]) {
   return { name: `${name} ${side}`, difference, times };
 }
 
+/** Milliseconds until a checkpoint of the paper's size, with its decoder, is ready to extract with. */
+async function opened(file) {
+  const blob = await blobOf(`/made/${file}`);
+  const times = [];
+  for (let round = 0; round < ROUNDS; round++) {
+    const start = performance.now();
+    const encoder = await new WorkerPool().open({ path: file, blob });
+    times.push(performance.now() - start);
+    encoder.free();
+  }
+  return { file, mebibytes: blob.size / 2 ** 20, times };
+}
+
 async function results() {
   if (!crossOriginIsolated) throw new Error("the page is not isolated, so onnxruntime-web has one thread only");
   ort.env.wasm.numThreads = navigator.hardwareConcurrency;
   const cases = [];
   for (const one of CASES) cases.push(await measured(one));
-  return { cores: navigator.hardwareConcurrency, cases };
+  const checkpoints = [];
+  for (const ending of ["safetensors", "pth"]) checkpoints.push(await opened(`keynet-256.${ending}`));
+  return { cores: navigator.hardwareConcurrency, cases, checkpoints };
 }
 
 const body = await results().catch((error) => ({ error: String(error) }));

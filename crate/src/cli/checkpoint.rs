@@ -102,9 +102,9 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     if arguments.json || !std::io::stdout().is_terminal() {
         let json = serde_json::to_string_pretty(&inspection)
             .map_err(|e| Error::input(format!("the summary cannot be written as JSON: {e}")))?;
-        println!("{json}");
+        say!("{json}");
     } else {
-        print_table(&inspection);
+        print_table(&inspection)?;
     }
     Ok(())
 }
@@ -116,7 +116,7 @@ fn print_table(
         summary,
         plan,
     }: &Inspection,
-) {
+) -> Result<()> {
     let config = &summary.config;
     let list = |values: &[usize]| values.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     let size = |[width, height]: [usize; 2]| format!("{width} x {height}");
@@ -207,8 +207,8 @@ fn print_table(
         .collect();
     row("training", numbers.join(", "));
     row("other tensors", summary.other_tensors.join(", "));
-    println!("{table}");
-    let Some(plan) = plan else { return };
+    say!("{table}");
+    let Some(plan) = plan else { return Ok(()) };
     let mut table = comfy_table::Table::new();
     table.load_preset(NOTHING);
     table.set_header(["layer", "kernel", "gives", "multiplications", "done"]);
@@ -222,5 +222,6 @@ fn print_table(
             millions(layer.done),
         ]);
     }
-    println!("\n{table}");
+    say!("\n{table}");
+    Ok(())
 }

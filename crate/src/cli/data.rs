@@ -199,9 +199,9 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     if arguments.json || !std::io::stdout().is_terminal() {
         let json = serde_json::to_string_pretty(&found)
             .map_err(|e| Error::input(format!("the inspection cannot be written as JSON: {e}")))?;
-        println!("{json}");
+        say!("{json}");
     } else {
-        print_inspection(&found);
+        print_inspection(&found)?;
     }
     Ok(())
 }
@@ -247,31 +247,31 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
     })
 }
 
-fn print_inspection(found: &Inspection) {
+fn print_inspection(found: &Inspection) -> Result<()> {
     let [fewest, most] = found.sequence_lengths;
     let each = if fewest == most {
         fewest.to_string()
     } else {
         format!("{fewest} to {most}")
     };
-    println!(
+    say!(
         "{} frames in {} sequences of {each}, {} pixels",
         found.frames,
         found.sequences,
         found.pixels.join(" and ")
     );
     for (size, count) in &found.sizes {
-        println!("{count} frames of {size}");
+        say!("{count} frames of {size}");
     }
     if !found.unreadable.is_empty() {
-        println!("warning: {} frames cannot be read", found.unreadable.len());
+        say!("warning: {} frames cannot be read", found.unreadable.len());
         for error in found.unreadable.iter().take(SHOWN) {
-            println!("  {error}");
+            say!("  {error}");
         }
     }
     let Some(truth) = &found.ground_truth else {
-        println!("no ground truth");
-        return;
+        say!("no ground truth");
+        return Ok(());
     };
     let mut table = comfy_table::Table::new();
     table
@@ -295,20 +295,21 @@ fn print_inspection(found: &Inspection) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    println!("{table}");
+    say!("{table}");
     for rule in &truth.join.rules {
-        println!("note: {rule}");
+        say!("note: {rule}");
     }
     let join = &truth.join;
     for (unmatched, what) in [
         (&join.unmatched_frames, "frames have no row of ground truth"),
         (&join.unmatched_rows, "rows of ground truth have no frame"),
     ] {
-        println!("{} {what}", unmatched.count);
+        say!("{} {what}", unmatched.count);
         for name in &unmatched.first {
-            println!("  {name}");
+            say!("  {name}");
         }
     }
+    Ok(())
 }
 
 fn convert(arguments: &ConvertArguments) -> Result<()> {

@@ -183,16 +183,16 @@ impl ScoringArguments {
             eprintln!("note: {rule}");
         }
         if self.csv {
-            print!("{}", report.to_csv());
+            say!("{}", report.to_csv().trim_end());
             for warning in &report.warnings {
                 eprintln!("warning: {warning}");
             }
         } else if self.json || !std::io::stdout().is_terminal() {
             let json = serde_json::to_string_pretty(&report)
                 .map_err(|e| Error::input(format!("the evaluation cannot be written as JSON: {e}")))?;
-            println!("{json}");
+            say!("{json}");
         } else {
-            print_table(&report);
+            print_table(&report)?;
         }
         Ok(())
     }
@@ -224,7 +224,7 @@ fn write_figures(report: &EvaluationReport, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-fn print_table(report: &EvaluationReport) {
+fn print_table(report: &EvaluationReport) -> Result<()> {
     let mut table = comfy_table::Table::new();
     table.load_preset(UTF8_HORIZONTAL_ONLY).set_header([
         "object",
@@ -259,18 +259,18 @@ fn print_table(report: &EvaluationReport) {
         }
     }
     let tracked = report.objects.iter().filter(|o| o.tracked).count();
-    println!(
+    say!(
         "TC {:.3}: {tracked} of {} objects tracked over {} frames",
         report.tc,
         report.objects.len(),
         report.frames
     );
-    println!("{table}");
+    say!("{table}");
     if let Some(intervals) = &report.intervals {
         let range = |name: &str, [low, high]: [f64; 2]| format!("{name} {low:.5} to {high:.5}");
         let errors = intervals.objects.iter();
         let errors: Vec<String> = errors.filter_map(|o| Some(range(&o.name, o.error?))).collect();
-        println!(
+        say!(
             "95 % intervals over sequences ({} resamples): {}; {}",
             intervals.resamples,
             range("TC", intervals.tc),
@@ -282,7 +282,7 @@ fn print_table(report: &EvaluationReport) {
         let errors: Vec<String> = objects
             .map(|o| format!("{} {}", o.name, number(o.error)))
             .collect();
-        println!(
+        say!(
             "on held-out sequences ({} folds): TC {:.3}; {}",
             held_out.folds,
             held_out.tc,
@@ -298,22 +298,24 @@ fn print_table(report: &EvaluationReport) {
                 )
             });
             let worst: Vec<String> = worst.collect();
-            println!("worst sequences of {}: {}", of.object, worst.join("; "));
+            say!("worst sequences of {}: {}", of.object, worst.join("; "));
         }
     }
     if let Some(context) = &report.context {
-        print_context(context);
+        print_context(context)?;
     }
-    println!(
+    say!(
         "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
-        report.transform, report.rank
+        report.transform,
+        report.rank
     );
     for warning in &report.warnings {
-        println!("warning: {warning}");
+        say!("warning: {warning}");
     }
+    Ok(())
 }
 
-fn print_context(context: &ContextReport) {
+fn print_context(context: &ContextReport) -> Result<()> {
     let shares = |shares: &[f64]| {
         let shares = context.close.iter().zip(shares);
         let shares: Vec<String> = shares
@@ -322,7 +324,7 @@ fn print_context(context: &ContextReport) {
         shares.join(", ")
     };
     for row in &context.regression {
-        println!(
+        say!(
             "linear regression from all keypoints, {}, of {}: error {}; PCK {}",
             if row.held_out { "held out" } else { "same frames" },
             row.object,
@@ -331,11 +333,12 @@ fn print_context(context: &ContextReport) {
         );
     }
     for row in &context.assignment {
-        println!(
+        say!(
             "min-cost assignment once a {}: precision {}; recall {}",
             row.trajectory,
             shares(&row.precision),
             shares(&row.recall)
         );
     }
+    Ok(())
 }

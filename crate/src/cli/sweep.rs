@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::fs;
-use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -238,7 +237,7 @@ fn plan(arguments: &PlanArguments) -> Result<()> {
     }
     atomic::write(&path, text.as_bytes())?;
     eprintln!("{} runs planned in {}", plan.runs.len(), path.display());
-    println!("{}", out.display());
+    say!("{}", out.display());
     Ok(())
 }
 
@@ -478,8 +477,6 @@ fn states(plan: &Plan, folder: &Path) -> Result<Vec<(u32, State)>> {
 fn status(arguments: &StatusArguments) -> Result<()> {
     let (plan, folder) = open(&arguments.sweep)?;
     let states = states(&plan, &folder)?;
-    let mut out = std::io::stdout().lock();
-    let broken = |e: std::io::Error| Error::io("standard output", &e);
     if arguments.json {
         let runs = plan.runs.iter().zip(&states).enumerate();
         let runs: Vec<RunStatus> = runs
@@ -491,11 +488,10 @@ fn status(arguments: &StatusArguments) -> Result<()> {
             })
             .collect();
         let text = serde_json::to_string_pretty(&runs).map_err(|e| Error::input(e.to_string()))?;
-        writeln!(out, "{text}").map_err(broken)?;
+        say!("{text}");
     } else {
         let count = |is: fn(&State) -> bool| states.iter().filter(|(_, state)| is(state)).count();
-        writeln!(
-            out,
+        say!(
             "{} runs: {} done, {} running, {} failed, {} stopped, {} missing",
             states.len(),
             count(|s| matches!(s, State::Done)),
@@ -503,8 +499,7 @@ fn status(arguments: &StatusArguments) -> Result<()> {
             count(|s| matches!(s, State::Failed { .. })),
             count(|s| matches!(s, State::Stopped { .. })),
             count(|s| matches!(s, State::Missing)),
-        )
-        .map_err(broken)?;
+        );
         for (i, (run, (planned, state))) in plan.runs.iter().zip(&states).enumerate() {
             let text = match state {
                 State::Done | State::Missing => continue,
@@ -516,7 +511,7 @@ fn status(arguments: &StatusArguments) -> Result<()> {
                 }
                 State::Stopped { epochs } => format!("stopped after epoch {epochs} of {planned}"),
             };
-            writeln!(out, "{:>5}  {}  {text}", i + 1, run.run).map_err(broken)?;
+            say!("{:>5}  {}  {text}", i + 1, run.run);
         }
     }
     if !arguments.resubmit {
@@ -593,7 +588,7 @@ fn sbatch(submission: &Submission, lines: &[usize], folder: &Path, dry_run: bool
     }
     let job = String::from_utf8_lossy(&done.stdout);
     eprintln!("{} runs submitted as job {}", lines.len(), job.trim());
-    println!("{}", job.trim());
+    say!("{}", job.trim());
     Ok(())
 }
 
@@ -620,6 +615,6 @@ fn export(arguments: &ExportArguments) -> Result<()> {
         left.len(),
         quote(&path)?
     );
-    println!("{}", path.display());
+    say!("{}", path.display());
     Ok(())
 }

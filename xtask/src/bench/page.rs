@@ -71,10 +71,11 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
         &format!("/bench/extract.html?rounds={rounds}"),
     )?;
     println!("{}", extraction_lines(&result)?);
+    println!("\n{}", checkpoint_lines(&result)?);
     Ok(())
 }
 
-/// Checkpoints that nobody trained, as `.safetensors` and `.onnx`.
+/// Checkpoints that nobody trained, as `.safetensors`, `.onnx` and PyTorch's `.pth`.
 fn make_encoders(workspace: &Workspace, folder: &Path) -> Result<()> {
     let [tracklens, example] = programs(workspace)?;
     for encoder in ENCODERS {
@@ -89,6 +90,9 @@ fn make_encoders(workspace: &Workspace, folder: &Path) -> Result<()> {
             let mut export = run::command(&tracklens);
             export.args(["export", "--checkpoint"]).arg(&weights);
             run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
+            let mut convert = run::command(&tracklens);
+            convert.arg("convert").arg(&weights);
+            run::run(convert.arg(file.with_extension("pth")))?;
         }
     }
     Ok(())
@@ -223,6 +227,22 @@ fn extraction_lines(result: &Value) -> Result<String> {
     Ok(lines)
 }
 
+/// The table of what opening a checkpoint takes.
+fn checkpoint_lines(result: &Value) -> Result<String> {
+    let mut lines = String::from("| checkpoint | MiB | ms until it can extract |\n|---|---|---|");
+    for opened in result["checkpoints"].as_array().context("no checkpoints")? {
+        let times = opened["times"].as_array().context("no times")?;
+        write!(
+            lines,
+            "\n| {} | {:.1} | {:.0} |",
+            opened["file"].as_str().unwrap_or_default(),
+            opened["mebibytes"].as_f64().unwrap_or(f64::NAN),
+            median(times.iter().filter_map(Value::as_f64).collect())?,
+        )?;
+    }
+    Ok(lines)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -240,6 +260,15 @@ mod tests {
             "{lines}"
         );
         assert!(extraction_lines(&json!({ "cores": 2, "cases": [{ "times": [] }] })).is_err());
+        Ok(())
+    }
+
+    #[test]
+    fn the_time_to_open_a_checkpoint_is_told() -> Result<()> {
+        let opened = json!({ "file": "keynet-256.pth", "mebibytes": 12.34, "times": [30.0, 10.0, 20.0] });
+        let lines = checkpoint_lines(&json!({ "checkpoints": [opened] }))?;
+        assert!(lines.ends_with("\n| keynet-256.pth | 12.3 | 20 |"), "{lines}");
+        assert!(checkpoint_lines(&json!({})).is_err());
         Ok(())
     }
 
