@@ -99,7 +99,13 @@ fn another_unit_is_asked_about() {
     };
     assert_eq!(table(1.0, 0.0), "");
     assert!(table(0.5, 0.5).contains("no coordinate is negative: is this another unit"));
-    assert!(table(128.0, 128.0).contains("beyond ±16: are these pixels?"));
+    let pixels = table(128.0, 128.0);
+    assert!(pixels.contains("beyond ±16: are these pixels?"), "{pixels}");
+    assert!(
+        pixels.contains("`--keypoints-space px` for keypoints"),
+        "{pixels}"
+    );
+    assert!(table(0.005, -0.99).contains("are they ndc already, and read as pixels?"));
 }
 
 #[test]

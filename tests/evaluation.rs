@@ -1,5 +1,6 @@
 //! What an evaluation brings beside its errors, by the real binary: sequences, context, figures, reports, saved results.
 
+use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -48,6 +49,53 @@ fn json(output: &Output) -> Value {
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn few_sequences_of_objects_that_stand_still_are_warned_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let tables = |sequences: u32| {
+        let mut truth = String::from("sequence,frame,object,x,y\n");
+        let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+        for s in 0..sequences {
+            for t in 0..20 {
+                let (still, moving) = (f64::from(s), f64::from(t));
+                let at = |i: f64, pace: f64| 0.8 * (i * pace).sin();
+                truth += &format!("{s},{t},still,{},{}\n", at(still, 2.1), at(still, 1.3));
+                truth += &format!("{s},{t},moving,{},{}\n", at(moving, 2.1), at(moving, 1.3));
+                // Has nothing to do with the object, but stands still in every sequence as well.
+                let _ = writeln!(keypoints, "{s},{t},0,{},{}", at(still, 0.7), at(still, 2.9));
+            }
+        }
+        for (name, text) in [("gt.csv", truth), ("kp.csv", keypoints)] {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        }
+    };
+    let warned = |more: &[&str]| {
+        let result = json(&score(folder.path(), more));
+        let warnings = result["warnings"].as_array().expect("warnings");
+        let about = warnings
+            .iter()
+            .filter(|w| w.as_str().is_some_and(|w| w.contains("hardly moves")));
+        (
+            result["objects"][0]["tracked"] == true,
+            about.cloned().collect::<Vec<_>>(),
+        )
+    };
+    tables(3);
+    let (tracked, warnings) = warned(&[]);
+    assert!(tracked, "three positions are fitted exactly");
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let text = warnings[0].as_str().expect("text");
+    assert!(
+        text.starts_with("object `still` hardly moves within the 3 sequences:") && text.contains("--folds"),
+        "{text}"
+    );
+    assert!(warned(&["--transform", "identity"]).1.is_empty());
+    assert!(warned(&["--folds", "3"]).1.is_empty());
+    tables(10);
+    let (tracked, warnings) = warned(&[]);
+    assert!(!tracked && warnings.is_empty(), "{warnings:?}");
 }
 
 #[test]

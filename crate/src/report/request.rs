@@ -3,8 +3,9 @@
 use super::evaluation::{
     ContextReport, EvaluationReport, HeldOutReport, IntervalsReport, JoinReport, SequencesReport,
 };
+use crate::data::ranges;
 use crate::error::{Error, Result};
-use crate::metric::{NonFinite, Settings};
+use crate::metric::{NonFinite, Settings, Transform};
 use crate::scoring::Scoring;
 
 /// How to score, and what to say beside the errors.
@@ -52,6 +53,17 @@ impl Request {
         let (thresholds, settings, seed) = (&self.thresholds, &self.settings, self.seed);
         let evaluation = scoring.evaluate(thresholds, settings)?;
         let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
+        if settings.transform != Transform::Identity && self.folds.is_none() {
+            let sequences = ranges(scoring.keys()).len();
+            let told = scoring.hardly_moving().into_iter().map(|k| {
+                format!(
+                    "object `{}` hardly moves within the {sequences} sequences: a fitted map comes close to so few positions \
+                     whatever the keypoint does. Score more sequences, or on held-out folds (--folds)",
+                    scoring.objects()[k]
+                )
+            });
+            report.warnings.extend(told);
+        }
         if let Some(folds) = self.folds {
             let held_out = scoring.held_out(folds, seed, thresholds, settings)?;
             report.held_out = Some(HeldOutReport::new(&held_out, seed));

@@ -382,8 +382,17 @@ fn unit_notice(points: &Array3<f64>) -> Option<String> {
     let far = seen().filter(|v| v.abs() > 16.0).count();
     if far > 0 {
         return Some(format!(
-            "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image (or --space px with --image-size WxH)"
+            "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image, or to be told of pixels: \
+             `--space px` for a ground truth, `--keypoints-space px` for keypoints, with `--image-size WxH`; on the page, the unit \
+             in the list of files"
         ));
+    }
+    // A pixel of 256 x 256 is 1/128 wide.
+    if seen().count() >= 20 && seen().all(|v| *v < -0.97) {
+        return Some(
+            "all coordinates lie in the first corner of the image: are they ndc already, and read as pixels?"
+                .to_owned(),
+        );
     }
     let none_negative = seen().count() >= 20 && seen().all(|v| *v >= 0.0);
     none_negative.then(|| {
