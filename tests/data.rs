@@ -258,12 +258,18 @@ fn frames_are_ordered_naturally_and_numbered_by_their_names() {
             "s: `cover.png` has no number, other images of its folder have",
         ),
         ("s/f_2 (copy).png", "are both frame 2; expected one image a frame"),
-        ("s/f_2 (1).png", "are both frame 1"),
+        ("s/f_2 (1).png", "`f_2 (1).png` and `f_2.png` are both frame 2"),
+        ("s/f_2 (12).png", "are both frame 2"),
         ("s/f_2.jpg", "are both frame 2"),
     ] {
         let error = FrameIndex::new(&["s/f_0.png", "s/f_1.png", "s/f_2.png", extra]).expect_err("ambiguous");
         assert!(error.to_string().contains(expected), "{error}");
     }
+    // A copy whose original is gone is that frame; where all are named like copies, they are numbered so.
+    let alone = FrameIndex::new(&["s/f_0.png", "s/f_5 (1).png"]).expect("frames");
+    assert_eq!(alone.keys(), [key("s", 0), key("s", 5)]);
+    let renamed = FrameIndex::new(&["s/run 7 (2).png", "s/run 7 (1).png"]).expect("frames");
+    assert_eq!(renamed.keys(), [key("s", 1), key("s", 2)]);
     let selected = index.select(&[0, 3]).expect("two frames");
     assert_eq!(
         (selected.keys(), selected.order()),

@@ -167,7 +167,15 @@ pub fn ranges(keys: &[FrameKey]) -> Vec<SequenceRange> {
 
 /// The frame numbers that the names of a sequence's files give.
 fn frame_numbers(files: &[&str]) -> Result<Vec<u64>> {
-    let runs: Vec<Vec<u64>> = files.iter().map(|file| numbers(stem(file))).collect();
+    // `frame_5 (1).png` among others is what file managers and browsers call a second `frame_5.png`; where all files are
+    // named like that, it is how they were numbered.
+    let is_copy = |file: &&&str| original(stem(file)) != stem(file);
+    let copies = files.iter().filter(is_copy).count();
+    let name = |file: &&str| match copies == files.len() {
+        true => numbers(stem(file)),
+        false => numbers(original(stem(file))),
+    };
+    let runs: Vec<Vec<u64>> = files.iter().map(name).collect();
     let longest = runs.iter().map(Vec::len).max().unwrap_or(0);
     if longest == 0 {
         return Ok((0..files.len() as u64).collect());
@@ -219,6 +227,17 @@ pub(super) fn is_image(path: &str) -> bool {
     let file = path.rsplit('/').next().unwrap_or_default();
     let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
     !is_hidden(path) && ending.is_some_and(|e| IMAGE_ENDINGS.contains(&e.as_str()))
+}
+
+/// A file name without the ` (1)` of a copy.
+fn original(stem: &str) -> &str {
+    let Some((original, number)) = stem.strip_suffix(')').and_then(|s| s.rsplit_once(" (")) else {
+        return stem;
+    };
+    match !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) {
+        true => original,
+        false => stem,
+    }
 }
 
 fn stem(file: &str) -> &str {
