@@ -187,11 +187,11 @@ async fn the_heat_map_of_a_keypoint_lies_over_the_frame(browser: Browser) {
     page.click(".layer[data-mark=image]").await;
     let decoded = "document.querySelector('#reconstruction')";
     page.until(&format!(
-        "{decoded}.dataset.frame === '1' && {decoded}.width === 32"
+        "{decoded}.dataset.frame === '1' && {decoded}.width === 64"
     ))
     .await;
     let colours = format!(
-        "new Set({decoded}.getContext('2d').getImageData(0, 0, 32, 32).data.filter((v, i) => i % 4 !== 3)).size"
+        "new Set({decoded}.getContext('2d').getImageData(0, 0, 64, 64).data.filter((v, i) => i % 4 !== 3)).size"
     );
     assert!(page.number(&colours).await > 50.0);
     page.close().await;
