@@ -707,7 +707,7 @@ mod train {
         for delay in [0u64, 3, 7, 12, 18, 25, 33] {
             let mut running = Command::new(env!("CARGO_BIN_EXE_tracklens"))
                 .args(&resumed)
-                .stderr(std::process::Stdio::null())
+                .stderr(Stdio::null())
                 .spawn()
                 .expect("the binary runs");
             // Some epochs further, then at one moment or another of the next.
