@@ -66,13 +66,6 @@ pub struct Context {
     pub sequences: Assignment,
 }
 
-/// The sum of squared distances from the mean.
-fn squares(positions: &[[f64; 2]]) -> f64 {
-    let sum = |of: &dyn Fn(&[f64; 2]) -> f64| positions.iter().map(of).sum::<f64>();
-    let mean = [0, 1].map(|axis| sum(&|p| p[axis]) / positions.len().max(1) as f64);
-    sum(&|p| (p[0] - mean[0]).powi(2) + (p[1] - mean[1]).powi(2))
-}
-
 impl Scoring {
     /// Joins `keypoints` to `truth` and takes the moments of the joined frames.
     ///
@@ -115,29 +108,29 @@ impl Scoring {
         &self.join
     }
 
+    /// The number of sequences that the joined frames are of.
+    pub fn sequence_count(&self) -> usize {
+        self.keys.chunk_by(|a, b| a.sequence == b.sequence).count()
+    }
+
     /// Objects that hardly move within the sequences, where there are fewer than ten (and more than one): their
     /// positions are hardly more than the sequences, and an affine map goes through three of them whatever the keypoint
     /// does. Hardly: less than a twentieth of an object's variance lies within the sequences.
-    pub fn hardly_moving(&self) -> Vec<usize> {
+    ///
+    /// # Errors
+    /// As [`Scoring::new`].
+    pub fn hardly_moving(&self) -> Result<Vec<usize>> {
         const FEW: usize = 10;
         const SHARE: f64 = 0.05;
-        let ranges = ranges(&self.keys);
-        if ranges.len() < 2 || ranges.len() >= FEW {
-            return Vec::new();
+        if !(2..FEW).contains(&self.sequence_count()) {
+            return Ok(Vec::new());
         }
+        let sequences = self.sequences()?;
         let hardly = |k: &usize| {
-            let positions = |range: &SequenceRange| {
-                let frames = range.start..range.start + range.length;
-                frames
-                    .map(|t| [0, 1].map(|axis| self.truth_ndc[[t, *k, axis]]))
-                    .filter(|p| p.iter().all(|v| v.is_finite()))
-                    .collect::<Vec<_>>()
-            };
-            let by_sequence: Vec<_> = ranges.iter().map(positions).collect();
-            let within: f64 = by_sequence.iter().map(|p| squares(p)).sum();
-            within < SHARE * squares(&by_sequence.concat())
+            let within: f64 = sequences.iter().map(|moments| moments.object_squares(*k)).sum();
+            within < SHARE * self.moments.object_squares(*k)
         };
-        (0..self.names.len()).filter(hardly).collect()
+        Ok((0..self.names.len()).filter(hardly).collect())
     }
 
     /// Scores with the given thresholds by object name; the others keep their default

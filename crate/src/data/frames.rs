@@ -169,13 +169,15 @@ pub fn ranges(keys: &[FrameKey]) -> Vec<SequenceRange> {
 fn frame_numbers(files: &[&str]) -> Result<Vec<u64>> {
     // `frame_5 (1).png` among others is what file managers and browsers call a second `frame_5.png`; where all files are
     // named like that, it is how they were numbered.
-    let is_copy = |file: &&&str| original(stem(file)) != stem(file);
-    let copies = files.iter().filter(is_copy).count();
-    let name = |file: &&str| match copies == files.len() {
-        true => numbers(stem(file)),
-        false => numbers(original(stem(file))),
+    let all_alike = files.iter().all(|file| original(stem(file)) != stem(file));
+    let name = |file| {
+        if all_alike {
+            stem(file)
+        } else {
+            original(stem(file))
+        }
     };
-    let runs: Vec<Vec<u64>> = files.iter().map(name).collect();
+    let runs: Vec<Vec<u64>> = files.iter().map(|file| numbers(name(file))).collect();
     let longest = runs.iter().map(Vec::len).max().unwrap_or(0);
     if longest == 0 {
         return Ok((0..files.len() as u64).collect());

@@ -120,4 +120,9 @@ impl Moments {
     pub fn excluded(&self) -> u64 {
         self.excluded
     }
+
+    /// The sum of the squared distances of object `k` from its mean, ndc.
+    pub(crate) fn object_squares(&self, k: usize) -> f64 {
+        self.objects[k].truth_squares.iter().sum()
+    }
 }

@@ -3,7 +3,6 @@
 use super::evaluation::{
     ContextReport, EvaluationReport, HeldOutReport, IntervalsReport, JoinReport, SequencesReport,
 };
-use crate::data::ranges;
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Settings, Transform};
 use crate::scoring::Scoring;
@@ -54,8 +53,8 @@ impl Request {
         let evaluation = scoring.evaluate(thresholds, settings)?;
         let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
         if settings.transform != Transform::Identity && self.folds.is_none() {
-            let sequences = ranges(scoring.keys()).len();
-            let told = scoring.hardly_moving().into_iter().map(|k| {
+            let sequences = scoring.sequence_count();
+            let told = scoring.hardly_moving()?.into_iter().map(|k| {
                 format!(
                     "object `{}` hardly moves within the {sequences} sequences: a fitted map comes close to so few positions \
                      whatever the keypoint does. Score more sequences, or on held-out folds (--folds)",
