@@ -122,7 +122,7 @@ impl Moments {
     }
 
     /// The sum of the squared distances of object `k` from its mean, ndc.
-    pub(crate) fn object_squares(&self, k: usize) -> f64 {
+    pub fn object_squares(&self, k: usize) -> f64 {
         self.objects[k].truth_squares.iter().sum()
     }
 }

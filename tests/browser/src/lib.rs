@@ -1,11 +1,16 @@
 //! The page in real browsers, driven through its own controls. The tests are in `tests/`; here is what they share.
 
 mod browser;
+mod command;
 mod page;
 mod server;
 
 pub use browser::Browser;
-pub use page::{Page, example, site, tracklens};
+pub use command::{
+    eval, eval_example, example_inputs, extract_keypoints, parsed, same_keypoints, text, tracklens,
+    tracklens_json,
+};
+pub use page::{Page, example, site};
 pub use server::Server;
 
 /// Makes a test of every function `async fn(Browser)`, in Chromium and in Firefox.

@@ -1,13 +1,13 @@
 //! The built page, open in a browser.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
 
 use crate::browser::{Browser, Session};
+use crate::command::from_environment;
 use crate::server::{Server, WATCH};
 
 /// Longer than anything takes on a busy machine; a test that waits this long has failed.
@@ -30,28 +30,6 @@ pub fn site() -> PathBuf {
 /// A file or folder of the site's example.
 pub fn example(name: &str) -> PathBuf {
     site().join("example").join(name)
-}
-
-/// What the `tracklens` command prints.
-pub fn tracklens(arguments: &[&str]) -> Vec<u8> {
-    let binary = from_environment("TRACKLENS_BIN");
-    let output = Command::new(&binary)
-        .args(arguments)
-        .output()
-        .expect("the binary runs");
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    output.stdout
-}
-
-fn from_environment(name: &str) -> PathBuf {
-    let Some(path) = std::env::var_os(name) else {
-        panic!("{name} is not set; run `cargo xtask test`, which builds the site and the binary first");
-    };
-    PathBuf::from(path)
 }
 
 impl Page {
@@ -230,6 +208,19 @@ impl Page {
     pub async fn until_scored(&self) {
         self.until("document.querySelector('#results').dataset.tc !== undefined")
             .await;
+    }
+
+    /// The table of keypoints that the page saves.
+    pub async fn saved_keypoints(&self) -> String {
+        self.value(
+            "(() => { const make = URL.createObjectURL; URL.createObjectURL = (blob) => { blob.text().then((t) => { \
+             globalThis.__saved = t; }); return make(blob); }; })()",
+        )
+        .await;
+        self.click("#save-keypoints").await;
+        self.until("globalThis.__saved").await;
+        let saved = self.value("globalThis.__saved").await;
+        saved.as_str().expect("a table").to_owned()
     }
 
     /// Nothing went wrong behind the scenes, and nothing was asked of anyone but the page's own server.

@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Browser, Page, example, in_every_browser, site, tracklens};
+use tracklens_page_tests::{Browser, Page, eval_example, in_every_browser, site};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -63,24 +63,7 @@ async fn has_no_barrier(page: &Page, state: &str) {
 
 /// Writes an evaluation of the example with everything there is.
 fn save(file: &Path) {
-    let [checkpoint, frames, truth] = ["checkpoint.safetensors", "frames", "ground_truth.csv"]
-        .map(|name| example(name).to_string_lossy().into_owned());
-    let printed = tracklens(&[
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-        "--sequences",
-        "--context",
-        "--folds",
-        "4",
-        "--bootstrap",
-        "50",
-        "--json",
-    ]);
+    let printed = eval_example(&["--sequences", "--context", "--folds", "4", "--bootstrap", "50"]);
     fs::write(file, printed).expect("written");
 }
 

@@ -5,11 +5,10 @@ mod runs;
 
 use std::fs;
 use std::io::{Cursor, Write};
-use std::path::Path;
 
 use runs::{config, sweep, write_run};
 use serde_json::{Value, json};
-use tracklens_page_tests::{Page, example, tracklens};
+use tracklens_page_tests::{Page, example, extract_keypoints, text, tracklens, tracklens_json};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -20,10 +19,6 @@ const KEEP: &str = "
   URL.createObjectURL = (blob) => { globalThis.__blob = blob; return make.call(URL, blob); };
   HTMLAnchorElement.prototype.click = function () { globalThis.__saved[this.download] = globalThis.__blob; };
 ";
-
-fn text(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
-}
 
 async fn until_compared(page: &Page, complete: usize) {
     page.until(&format!(
@@ -262,22 +257,11 @@ async fn runs_in_an_archive_come_and_go_with_it() {
 #[tokio::test(flavor = "multi_thread")]
 async fn several_keypoint_tables_are_runs_of_one_comparison() {
     let folder = tempfile::tempdir().expect("a folder");
-    let [checkpoint, frames, truth] =
-        ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
+    let truth = text(&example("ground_truth.csv"));
     let [first, second, third] =
         ["ours_1.csv", "ours_2.csv", "still.csv"].map(|name| folder.path().join(name));
-    tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--out",
-        &text(&first),
-        "--quiet",
-    ]);
     // One detector with half of the keypoints, one whose keypoints stay where they are.
-    let table = fs::read_to_string(&first).expect("a table");
+    let table = extract_keypoints(&example("frames"), &first);
     let half = |line: &&str| {
         line.split(',')
             .nth(2)
@@ -304,15 +288,7 @@ async fn several_keypoint_tables_are_runs_of_one_comparison() {
     until_compared(&page, 3).await;
     let shown = rows(&page, "run-table").await;
     for path in [&first, &second, &third] {
-        let scored: Value = serde_json::from_slice(&tracklens(&[
-            "score",
-            "--truth",
-            &truth,
-            "--keypoints",
-            &text(path),
-            "--json",
-        ]))
-        .expect("JSON");
+        let scored = tracklens_json(&["score", "--truth", &truth, "--keypoints", &text(path)]);
         let name = path.file_name().expect("a name").to_string_lossy();
         let row = shown.iter().find(|row| row[0] == name).expect("a run");
         assert_eq!(

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
-use tracklens_page_tests::{Browser, Page, Server, example, in_every_browser, site, tracklens};
+use tracklens_page_tests::{
+    Browser, Page, Server, eval_example, example, in_every_browser, parsed, site, tracklens_json,
+};
 
 in_every_browser! {
     a_page_in_a_frame_takes_files_and_gives_results
@@ -14,10 +16,6 @@ in_every_browser! {
 
 fn documents() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/embedding")
-}
-
-fn evaluation(arguments: &[&str]) -> Value {
-    serde_json::from_slice(&tracklens(arguments)).expect("JSON")
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -36,18 +34,7 @@ async fn a_page_of_somebody_else_scores_a_folder_with_the_package() {
     page.input("input", &example("").to_string_lossy()).await;
     page.until("document.querySelector('output').value").await;
     let shown = page.value("document.querySelector('output').value").await;
-    let [checkpoint, frames, truth] = ["checkpoint.safetensors", "frames", "ground_truth.csv"]
-        .map(|name| example(name).to_string_lossy().into_owned());
-    let expected = evaluation(&[
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-        "--json",
-    ]);
+    let expected = parsed(&eval_example(&[]));
     let tc = expected["tc"].as_f64().expect("a number");
     assert!(
         shown
@@ -79,7 +66,7 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
 
     page.until("document.querySelector('output').value").await;
     let [gt, kp] = [gt, kp].map(|file| file.to_string_lossy().into_owned());
-    let expected = evaluation(&[
+    let expected = tracklens_json(&[
         "score",
         "--truth",
         &gt,
@@ -87,7 +74,6 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
         &kp,
         "--threshold",
         "cube=0.02",
-        "--json",
     ]);
     let tc = expected["tc"].as_f64().expect("a number");
     assert_eq!(

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use tracklens_page_tests::{Page, Server, example, site, tracklens};
+use tracklens_page_tests::{Page, Server, example, extract_keypoints, same_keypoints, site};
 
 /// WebGPU on SwiftShader.
 const SOFTWARE: [&str; 3] = [
@@ -96,49 +96,8 @@ async fn device(page: &Page, field: &str) -> String {
 /// The keypoints that the page saves are those of the command, for every frame.
 async fn agrees(page: &Page, folder: &Path) {
     let place = tempfile::tempdir().expect("a folder");
-    let saved = place.path().join("kp.csv").to_string_lossy().into_owned();
-    let checkpoint = example("checkpoint.safetensors").to_string_lossy().into_owned();
-    let frames = folder.to_string_lossy().into_owned();
-    tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--out",
-        &saved,
-    ]);
-    page.value(
-        "(() => { const make = URL.createObjectURL; URL.createObjectURL = (blob) => { blob.text().then((t) => { \
-         globalThis.__saved = t; }); return make(blob); }; })()",
-    )
-    .await;
-    page.click("#save-keypoints").await;
-    page.until("globalThis.__saved").await;
-    let ours = rows(page.value("globalThis.__saved").await.as_str().expect("a table"));
-    let theirs = rows(&fs::read_to_string(&saved).expect("a table"));
-    assert_eq!(ours.len(), theirs.len());
-    let mut largest: f64 = 0.0;
-    for ((key, z), (expected, x)) in ours.iter().zip(&theirs) {
-        assert_eq!(key, expected);
-        largest = largest.max((z[0] - x[0]).abs()).max((z[1] - x[1]).abs());
-    }
-    println!(
-        "keypoints of {} rows: largest difference {largest:.1e}",
-        ours.len()
-    );
-    assert!(largest <= KEYPOINTS, "{largest:e}");
-}
-
-/// What identifies a point, and the point.
-fn rows(table: &str) -> Vec<(String, [f64; 2])> {
-    let row = |line: &str| {
-        let mut fields = line.rsplitn(3, ',');
-        let mut number = || fields.next().and_then(|f| f.parse().ok()).expect("a number");
-        let (y, x) = (number(), number());
-        (fields.next().expect("a key").to_owned(), [x, y])
-    };
-    table.lines().skip(1).map(row).collect()
+    let expected = extract_keypoints(folder, &place.path().join("kp.csv"));
+    same_keypoints(&page.saved_keypoints().await, &expected, KEYPOINTS);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -5,7 +5,9 @@ use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use tracklens_page_tests::{Page, example, tracklens};
+use tracklens_page_tests::{
+    Page, eval, eval_example, example, extract_keypoints, parsed, text, tracklens, tracklens_json,
+};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
@@ -17,25 +19,8 @@ fn inputs() -> [String; 3] {
     ["frames", "ground_truth.csv", "checkpoint.safetensors"].map(|name| text(&example(name)))
 }
 
-fn text(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
-}
-
-fn json(arguments: &[&str]) -> Value {
-    serde_json::from_slice(&tracklens(&[arguments, &["--json"]].concat())).expect("JSON")
-}
-
 fn evaluation_of_the_example() -> Value {
-    let [frames, truth, checkpoint] = inputs();
-    json(&[
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-    ])
+    parsed(&eval_example(&[]))
 }
 
 /// The errors on the page are those of an evaluation of the command.
@@ -159,7 +144,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     let folder = Folder::new();
     let npz = folder.0.path().join("push.npz");
     tracklens(&["data", "convert", &frames, &text(&npz), "--truth", &inputs()[1]]);
-    let expected = json(&["eval", "--checkpoint", &checkpoint, "--frames", &text(&npz)]);
+    let expected = tracklens_json(&["eval", "--checkpoint", &checkpoint, "--frames", &text(&npz)]);
     let page = Page::open().await;
     page.pick(&[&npz, Path::new(&checkpoint)]).await;
     shows(&page, &expected, ERRORS).await;
@@ -184,7 +169,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     shows(&page, &expected, ERRORS).await;
 
     // Points with their coordinates swapped score as the terminal's do.
-    let swapped = json(&[
+    let swapped = tracklens_json(&[
         "eval",
         "--checkpoint",
         &checkpoint,
@@ -314,7 +299,7 @@ async fn repeated(page: &Page, files: &[(&str, &Path)]) -> (Value, String) {
         })
         .collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    (json(&words), shown)
+    (tracklens_json(&words), shown)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -343,21 +328,10 @@ async fn guesses_are_marked_and_can_be_corrected() {
     let said = "[...document.querySelectorAll('#files [data-role=ground-truth] .choice')].map((c) => c.dataset.by).join()";
     page.until(&format!("{said} === 'guess,said,said,said'")).await;
     page.pick(&[Path::new(&checkpoint)]).await;
-    let expected = json(&[
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &text(&truth),
-        "--space",
-        "px",
-        "--axis-order",
-        "yx",
-        "--index-base",
-        "1",
-    ]);
+    let expected = parsed(&eval(
+        [Path::new(&checkpoint), Path::new(&frames), &truth],
+        &["--space", "px", "--axis-order", "yx", "--index-base", "1"],
+    ));
     shows(&page, &expected, ERRORS).await;
 
     // The command that is shown has the corrections.
@@ -377,20 +351,11 @@ async fn guesses_are_marked_and_can_be_corrected() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_command_repeats_what_was_corrected_in_both_tables() {
-    let [frames, _, checkpoint] = inputs();
+    let [frames, ..] = inputs();
     let folder = Folder::new();
     let truth = folder.put("odd.csv", odd_table().as_bytes());
     let keypoints = folder.0.path().join("kp.csv");
-    tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--out",
-        &text(&keypoints),
-        "--quiet",
-    ]);
+    extract_keypoints(Path::new(&frames), &keypoints);
     let page = Page::open().await;
     page.pick_folder(Path::new(&frames)).await;
     page.pick(&[&truth, &keypoints]).await;
@@ -453,15 +418,7 @@ async fn deeplabcut_and_coco_score_as_the_tidy_table_and_as_in_the_terminal() {
         page.until(&format!("{chosen} === 'px'")).await;
         page.until("document.querySelector('#files [data-role=ground-truth] .guess')")
             .await;
-        let expected = json(&[
-            "eval",
-            "--checkpoint",
-            &checkpoint,
-            "--frames",
-            &frames,
-            "--truth",
-            &text(&file),
-        ]);
+        let expected = parsed(&eval([Path::new(&checkpoint), Path::new(&frames), &file], &[]));
         shows(&page, &expected, ERRORS).await;
         for k in 0..3 {
             let [a, b] = [&expected, &same].map(|e| e["objects"][k]["error"].as_f64().expect("a number"));
@@ -477,20 +434,10 @@ async fn deeplabcut_and_coco_score_as_the_tidy_table_and_as_in_the_terminal() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn keypoints_of_deeplabcut_and_coco_score_as_in_the_terminal() {
-    let [frames, truth, checkpoint] = inputs();
+    let [frames, truth, _] = inputs();
     let folder = Folder::new();
     let tidy = folder.0.path().join("kp.csv");
-    tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--out",
-        &text(&tidy),
-        "--quiet",
-    ]);
-    let points = Points::of(&fs::read_to_string(&tidy).expect("a table"));
+    let points = Points::of(&extract_keypoints(Path::new(&frames), &tidy));
     let page = Page::open().await;
     page.pick_folder(Path::new(&frames)).await;
     page.pick(&[Path::new(&truth)]).await;
@@ -510,7 +457,7 @@ async fn keypoints_of_deeplabcut_and_coco_score_as_in_the_terminal() {
              select.value = 'keypoints'; select.dispatchEvent(new Event('change', { bubbles: true })); })()",
         )
         .await;
-        let expected = json(&[
+        let expected = tracklens_json(&[
             "score",
             "--truth",
             &truth,
@@ -554,7 +501,7 @@ async fn a_table_taken_for_the_wrong_thing_gets_another_role() {
          select.value = 'keypoints'; select.dispatchEvent(new Event('change', { bubbles: true })); })()",
     )
     .await;
-    let expected = json(&[
+    let expected = tracklens_json(&[
         "score",
         "--truth",
         &text(&truth),
@@ -762,15 +709,10 @@ async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
         folder.put(&name, &content);
     }
     let frames = text(&folder.0.path().join("frames"));
-    let expected = json(&[
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-    ]);
+    let expected = parsed(&eval(
+        [Path::new(&checkpoint), Path::new(&frames), Path::new(&truth)],
+        &[],
+    ));
     let eef = expected["objects"]
         .as_array()
         .expect("objects")

@@ -4,7 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use tracklens_page_tests::{Browser, Page, example, in_every_browser, tracklens};
+use tracklens_page_tests::{
+    Browser, Page, eval, eval_example, example, example_inputs, extract_keypoints, in_every_browser, parsed,
+    same_keypoints, text, tracklens_json,
+};
 
 /// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and without fused
 /// multiply-add): keypoints agree to 1e-4, and their errors, means over all frames, to far less.
@@ -12,10 +15,6 @@ const KEYPOINTS: f64 = 1e-4;
 
 /// Relative, of the errors.
 const ERRORS: f64 = 1e-6;
-
-fn text(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
-}
 
 /// TC and the errors of all objects as the page shows them are those of an evaluation of the command.
 async fn shows(page: &Page, expected: &Value, tolerance: f64) {
@@ -59,26 +58,12 @@ async fn shows(page: &Page, expected: &Value, tolerance: f64) {
 
 /// What the command makes of the example's frames with an encoder.
 fn evaluation(checkpoint: &Path) -> Value {
-    let [checkpoint, frames, truth] =
-        [checkpoint, &example("frames"), &example("ground_truth.csv")].map(text);
-    json(&[
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-    ])
+    let [_, frames, truth] = example_inputs();
+    parsed(&eval([checkpoint, &frames, &truth], &[]))
 }
 
 fn evaluation_of_the_example() -> Value {
-    evaluation(&example("checkpoint.safetensors"))
-}
-
-/// What the command prints as JSON.
-fn json(arguments: &[&str]) -> Value {
-    serde_json::from_slice(&tracklens(&[arguments, &["--json"]].concat())).expect("JSON")
+    parsed(&eval_example(&[]))
 }
 
 in_every_browser! {
@@ -117,46 +102,9 @@ async fn a_dropped_folder_scores_as_in_the_terminal() {
 
     // The keypoints themselves: extracted in the worker, saved by the page, against the command's.
     let folder = tempfile::tempdir().expect("a folder");
-    let saved = text(&folder.path().join("kp.csv"));
-    let [checkpoint, frames] = ["checkpoint.safetensors", "frames"].map(|name| text(&example(name)));
-    tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--out",
-        &saved,
-    ]);
-    page.value(
-        "(() => { const make = URL.createObjectURL; URL.createObjectURL = (blob) => { blob.text().then((t) => { \
-         globalThis.__saved = t; }); return make(blob); }; })()",
-    )
-    .await;
-    page.click("#save-keypoints").await;
-    page.until("globalThis.__saved").await;
-    let ours = points(page.value("globalThis.__saved").await.as_str().expect("a table"));
-    let theirs = points(&fs::read_to_string(&saved).expect("a table"));
-    assert_eq!(ours.len(), theirs.len());
-    let mut largest: f64 = 0.0;
-    for ((key, z), (expected, x)) in ours.iter().zip(&theirs) {
-        assert_eq!(key, expected);
-        largest = largest.max((z[0] - x[0]).abs()).max((z[1] - x[1]).abs());
-    }
-    println!("keypoints: largest difference {largest:.1e}");
-    assert!(largest <= KEYPOINTS, "{largest:e}");
+    let expected = extract_keypoints(&example("frames"), &folder.path().join("kp.csv"));
+    same_keypoints(&page.saved_keypoints().await, &expected, KEYPOINTS);
     page.close().await;
-}
-
-/// The rows of a keypoint table: what identifies the point, and the point.
-fn points(table: &str) -> Vec<(String, [f64; 2])> {
-    let row = |line: &str| {
-        let mut fields = line.rsplitn(3, ',');
-        let mut number = || fields.next().and_then(|f| f.parse().ok()).expect("a number");
-        let (y, x) = (number(), number());
-        (fields.next().expect("a key").to_owned(), [x, y])
-    };
-    table.lines().skip(1).map(row).collect()
 }
 
 async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Browser) {
@@ -289,7 +237,7 @@ async fn keypoints_take_the_place_of_frames_and_checkpoint(browser: Browser) {
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
     page.pick(&[&keypoints, &truth]).await;
     page.until_scored().await;
-    let expected = json(&[
+    let expected = tracklens_json(&[
         "score",
         "--truth",
         &text(&truth),
@@ -340,7 +288,7 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced(browser: Browser) {
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| text(&at(name)));
     shows(
         &page,
-        &json(&["score", "--truth", &truth, "--keypoints", &keypoints]),
+        &tracklens_json(&["score", "--truth", &truth, "--keypoints", &keypoints]),
         1e-12,
     )
     .await;

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Page, example, tracklens};
+use tracklens_page_tests::{Page, example, extract_keypoints};
 
 /// Single precision with other kernels, and fused multiply-add only natively.
 const KEYPOINTS: f64 = 1e-4;
@@ -100,20 +100,9 @@ async fn frames(page: &Page) -> Value {
 /// What the command extracts from the example's frames, by path.
 fn expected() -> HashMap<String, Vec<f64>> {
     let folder = tempfile::tempdir().expect("a folder");
-    let table = folder.path().join("kp.csv");
-    let [checkpoint, frames, out] = [&example("checkpoint.safetensors"), &example("frames"), &table]
-        .map(|path| path.to_string_lossy().into_owned());
-    tracklens(&[
-        "extract",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--out",
-        &out,
-    ]);
+    let table = extract_keypoints(&example("frames"), &folder.path().join("kp.csv"));
     let mut points: HashMap<String, Vec<f64>> = HashMap::new();
-    for line in std::fs::read_to_string(&table).expect("a table").lines().skip(1) {
+    for line in table.lines().skip(1) {
         let fields: Vec<&str> = line.split(',').collect();
         let frame: u32 = fields[1].parse().expect("a frame");
         let numbers = fields[3..]

@@ -1,30 +1,14 @@
 //! What the page makes of a score, in headless Chromium: figures that react, held-out folds and intervals, files.
 
 use std::fs;
-use std::path::Path;
 
 use serde_json::Value;
 use thirtyfour::{By, Key};
-use tracklens_page_tests::{Page, example, tracklens};
-
-fn text(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
-}
+use tracklens_page_tests::{Page, eval_example, example, parsed, text, tracklens_json};
 
 /// What the command makes of the example, as JSON.
 fn expected(more: &[&str]) -> Value {
-    let [checkpoint, frames, truth] =
-        ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
-    let command = [
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-    ];
-    serde_json::from_slice(&tracklens(&[&command, more, &["--json"]].concat())).expect("JSON")
+    parsed(&eval_example(more))
 }
 
 async fn scored() -> Page {
@@ -271,8 +255,7 @@ async fn everything_can_be_taken_away() {
         })
         .collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    let result: Value =
-        serde_json::from_slice(&tracklens(&[&words[..], &["--json"]].concat())).expect("JSON");
+    let result = tracklens_json(&words);
     assert_eq!(result["objects"][0]["threshold"], 0.004);
     close(
         &page

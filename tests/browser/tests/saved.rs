@@ -4,30 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Page, example, tracklens};
-
-fn text(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
-}
+use tracklens_page_tests::{Page, eval_example, example, parsed};
 
 /// Writes what `tracklens eval` makes of the example; `more` options.
 fn save(folder: &Path, name: &str, more: &[&str]) -> (PathBuf, Value) {
-    let [checkpoint, frames, truth] =
-        ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(|name| text(&example(name)));
-    let command = [
-        "eval",
-        "--checkpoint",
-        &checkpoint,
-        "--frames",
-        &frames,
-        "--truth",
-        &truth,
-        "--json",
-    ];
-    let printed = tracklens(&[&command, more].concat());
+    let printed = eval_example(more);
     let file = folder.join(name);
     fs::write(&file, &printed).expect("written");
-    (file, serde_json::from_slice(&printed).expect("JSON"))
+    (file, parsed(&printed))
 }
 
 /// The value of an expression for every element that a selector finds.
