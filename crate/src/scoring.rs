@@ -125,12 +125,16 @@ impl Scoring {
         if !(2..FEW).contains(&self.sequence_count()) {
             return Ok(Vec::new());
         }
-        let sequences = self.sequences()?;
-        let hardly = |k: &usize| {
-            let within: f64 = sequences.iter().map(|moments| moments.object_squares(*k)).sum();
-            within < SHARE * self.moments.object_squares(*k)
-        };
-        Ok((0..self.names.len()).filter(hardly).collect())
+        let mut within = vec![0.0; self.names.len()];
+        for moments in self.sequences()?.iter() {
+            for (sum, squares) in within.iter_mut().zip(moments.object_squares()) {
+                *sum += squares;
+            }
+        }
+        let all = self.moments.object_squares();
+        let objects = within.iter().zip(&all).enumerate();
+        let hardly = objects.filter(|(_, (within, all))| **within < SHARE * **all);
+        Ok(hardly.map(|(k, _)| k).collect())
     }
 
     /// Scores with the given thresholds by object name; the others keep their default

@@ -121,8 +121,9 @@ impl Moments {
         self.excluded
     }
 
-    /// The sum of the squared distances of object `k` from its mean, ndc.
-    pub fn object_squares(&self, k: usize) -> f64 {
-        self.objects[k].truth_squares.iter().sum()
+    /// For every object, the sum of its squared distances from its mean, ndc.
+    pub fn object_squares(&self) -> Vec<f64> {
+        let squares = |object: &ObjectMoments| object.truth_squares.iter().sum();
+        self.objects.iter().map(squares).collect()
     }
 }
