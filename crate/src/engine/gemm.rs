@@ -7,11 +7,11 @@ use super::buffer::Buffer;
 use crate::error::Result;
 
 /// Vectors a panel is wide, except for the last one of an odd number of vectors.
-pub(super) const WIDE: usize = 2;
+pub(crate) const WIDE: usize = 2;
 
 /// Rows that are multiplied at a time: with [`WIDE`] vectors a row, as many sums as the registers hold beside their
 /// operands.
-pub(super) const fn tile_rows(lanes: usize) -> usize {
+pub(crate) const fn tile_rows(lanes: usize) -> usize {
     match lanes {
         16 => 12,
         8 => 6,
@@ -40,10 +40,10 @@ macro_rules! with_rows {
         }
     };
 }
-pub(super) use with_rows;
+pub(crate) use with_rows;
 
 /// Numbers in a vector on this CPU.
-pub(super) fn lanes() -> usize {
+pub(crate) fn lanes() -> usize {
     struct Lanes;
     impl SimdOp for Lanes {
         type Output = usize;
@@ -56,32 +56,50 @@ pub(super) fn lanes() -> usize {
 }
 
 /// A matrix in panels of [`WIDE`] vectors, step by step; zeros beside the last column.
-pub(super) struct Panels {
+pub(crate) struct Panels {
     data: Buffer,
     steps: usize,
     columns: usize,
+    /// Columns of a panel.
+    width: usize,
 }
 
 impl Panels {
+    /// Zeros for `steps` rows of numbers in `columns` columns, a multiple of `lanes`.
+    ///
+    /// # Errors
+    /// When there is no memory for them.
+    pub fn zeros(lanes: usize, steps: usize, columns: usize) -> Result<Self> {
+        let mut data = Buffer::default();
+        data.grow(steps * columns)?;
+        Ok(Self {
+            data,
+            steps,
+            columns,
+            width: WIDE * lanes,
+        })
+    }
+
     /// Packs `steps` rows of numbers in `columns` columns, a multiple of `lanes`.
     ///
     /// # Errors
     /// When there is no memory for it.
     pub fn new(lanes: usize, steps: usize, columns: usize, at: impl Fn(usize, usize) -> f32) -> Result<Self> {
-        let mut data = Buffer::default();
-        data.grow(steps * columns)?;
-        let mut rest = &mut data[..];
-        for first in (0..columns).step_by(WIDE * lanes) {
-            let width = (columns - first).min(WIDE * lanes);
-            let (panel, others) = rest.split_at_mut(steps * width);
-            for (step, row) in panel.chunks_exact_mut(width).enumerate() {
-                for (column, value) in row.iter_mut().enumerate() {
-                    *value = at(step, first + column);
-                }
+        let mut panels = Self::zeros(lanes, steps, columns)?;
+        for column in 0..columns {
+            for (step, place) in panels.column_mut(column).enumerate() {
+                *place = at(step, column);
             }
-            rest = others;
         }
-        Ok(Self { data, steps, columns })
+        Ok(panels)
+    }
+
+    /// A column, step by step.
+    pub fn column_mut(&mut self, column: usize) -> impl Iterator<Item = &mut f32> {
+        let first = column / self.width * self.width;
+        let width = self.width.min(self.columns - first);
+        let panel = &mut self.data[first * self.steps..][..width * self.steps];
+        panel[column - first..].iter_mut().step_by(width)
     }
 
     /// Steps of the sum.
@@ -105,7 +123,7 @@ impl Panels {
 /// # Safety
 /// `left` must be readable in ROWS rows of `steps` numbers, `panel` in `steps` rows of N vectors.
 #[inline(always)]
-pub(super) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
+pub(crate) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
     isa: I,
     sums: &mut [[I::F32; N]; ROWS],
     left: *const f32,

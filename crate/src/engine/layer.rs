@@ -96,7 +96,11 @@ impl Layer {
         let kernel = match Self::tiling(&shape, lanes, channels) {
             Some(tiling) => {
                 let at = |output, input, ky, kx| weights.at(output, input, ky, kx);
-                Kernel::Winograd(tiling, tiling.transform_filters(lanes, [outputs, channels], at)?)
+                let mut panels = Vec::with_capacity(tiling.places());
+                for row in 0..tiling.side {
+                    panels.extend(tiling.transform_filters(row, lanes, [outputs, channels], at)?);
+                }
+                Kernel::Winograd(tiling, panels)
             }
             None => {
                 let run = shape.kernel * channels;

@@ -2,7 +2,7 @@
 
 /// Rows x columns x channels, framed by as many zeros as the next layer looks beyond the border.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Map {
+pub(crate) struct Map {
     /// Columns and rows without the frame.
     pub size: [usize; 2],
     /// Numbers a cell: channels, and zeros up to a whole number of vectors.

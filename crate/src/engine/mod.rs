@@ -17,13 +17,13 @@ mod buffer;
 mod decoder;
 mod direct;
 mod encoder;
-mod gemm;
+pub(crate) mod gemm;
 mod layer;
-mod map;
+pub(crate) mod map;
 mod pool;
 mod simd;
 mod softargmax;
-mod winograd;
+pub(crate) mod winograd;
 
 pub use crate::checkpoint::LatentGrid;
 pub use decoder::Decoder;

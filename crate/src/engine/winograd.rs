@@ -24,14 +24,14 @@ use crate::error::Result;
 /// The points at which the polynomials of tiles with stride 1 are evaluated: 0, ±[`NEAR`], ±[`FAR`] and infinity. With
 /// stride 2 they are 0, ±[`NEAR`], [`FAR`] and infinity.
 const NEAR: f32 = 1.0;
-const FAR: f32 = 2.0;
+pub(crate) const FAR: f32 = 2.0;
 
 /// Numbers of a block of transformed tiles: half of a common second-level cache.
 const BLOCK: usize = 128 * 1024;
 
 /// How the cells of a convolution are cut into tiles.
 #[derive(Clone, Copy)]
-pub(super) struct Tiling {
+pub(crate) struct Tiling {
     pub kernel: usize,
     pub stride: usize,
     /// Cells of a side of a tile, and places of its transform.
@@ -68,7 +68,7 @@ impl Tiling {
     }
 
     /// Cells that `tiles` look at along an axis.
-    fn reach(&self, tiles: usize) -> usize {
+    pub fn reach(&self, tiles: usize) -> usize {
         (tiles * self.outputs - 1) * self.stride + self.kernel
     }
 
@@ -100,7 +100,7 @@ impl Tiling {
     }
 
     /// What the taps of an axis become: `kernel` factors for every place.
-    fn filter_transform(&self) -> Vec<f64> {
+    pub fn filter_transform(&self) -> Vec<f64> {
         let points = [0.0, NEAR, -NEAR, FAR, -FAR].map(f64::from);
         // The taps that are a filter with stride 1; the place of a tap between them stands for itself.
         let taps: Vec<usize> = (0..self.kernel).step_by(self.stride).collect();
@@ -123,37 +123,48 @@ impl Tiling {
         matrix
     }
 
-    /// The filters (outputs x inputs x kernel x kernel, by `at`) in the tile's points, packed for the product.
+    /// The filters (outputs x inputs x kernel x kernel, by `at`) at the tile's points of `row`, packed for the product: a
+    /// matrix inputs x outputs for every place of that row.
     ///
     /// # Errors
     /// When there is no memory for them.
     pub fn transform_filters(
         &self,
+        row: usize,
         lanes: usize,
         [outputs, inputs]: [usize; 2],
         at: impl Fn(usize, usize, usize, usize) -> f32,
     ) -> Result<Vec<Panels>> {
         let matrix = self.filter_transform();
-        (0..self.places())
-            .map(|place| {
-                let [rows, columns] =
-                    [place / self.side, place % self.side].map(|i| &matrix[i * self.kernel..][..self.kernel]);
-                Panels::new(lanes, inputs, outputs, |input, output| {
-                    let tap = |(ky, y): (usize, &f64)| {
-                        let row = columns.iter().enumerate();
-                        let row = row.map(|(kx, x)| x * f64::from(at(output, input, ky, kx)));
-                        y * row.sum::<f64>()
-                    };
-                    rows.iter().enumerate().map(tap).sum::<f64>() as f32
-                })
-            })
-            .collect()
+        let of = |place: usize| &matrix[place * self.kernel..][..self.kernel];
+        let mut places = (0..self.side)
+            .map(|_| Panels::zeros(lanes, inputs, outputs))
+            .collect::<Result<Vec<_>>>()?;
+        // Taps of a column of the filter, input by input.
+        let mut taps = vec![0.0; self.kernel * inputs];
+        for output in 0..outputs {
+            for (kx, taps) in taps.chunks_exact_mut(inputs).enumerate() {
+                for (input, tap) in taps.iter_mut().enumerate() {
+                    let column = of(row).iter().enumerate();
+                    *tap = column
+                        .map(|(ky, y)| y * f64::from(at(output, input, ky, kx)))
+                        .sum();
+                }
+            }
+            for (place, panels) in places.iter_mut().enumerate() {
+                for (input, value) in panels.column_mut(output).enumerate() {
+                    let row = of(place).iter().zip(taps.chunks_exact(inputs));
+                    *value = row.map(|(x, taps)| x * taps[input]).sum::<f64>() as f32;
+                }
+            }
+        }
+        Ok(places)
     }
 }
 
 /// What a convolution gives: every sum plus a bias, or the largest of 2 x 2 sums times a scale plus a bias; then what is
 /// below `floor` is raised to it.
-pub(super) struct Epilogue<'a> {
+pub(crate) struct Epilogue<'a> {
     /// Of the batch norm after a pool; one number an output.
     pub scale: Option<&'a [f32]>,
     pub bias: &'a [f32],
@@ -161,7 +172,7 @@ pub(super) struct Epilogue<'a> {
 }
 
 /// A convolution by tiles.
-pub(super) struct Winograd<'a> {
+pub(crate) struct Winograd<'a> {
     /// Transformed filters, a place of the tile after the other.
     pub panels: &'a [Panels],
     pub tiling: Tiling,
@@ -458,7 +469,7 @@ impl Winograd<'_> {
 
 /// The input transform along one axis.
 #[inline(always)]
-fn input_points<I: Isa, const SIDE: usize>(isa: I, d: [I::F32; SIDE]) -> [I::F32; SIDE] {
+pub(crate) fn input_points<I: Isa, const SIDE: usize>(isa: I, d: [I::F32; SIDE]) -> [I::F32; SIDE] {
     let ops = isa.f32();
     let scaled = |factor: f32, value, sum| ops.mul_add(ops.splat(factor), value, sum);
     let (near, far) = (NEAR * NEAR, FAR * FAR);

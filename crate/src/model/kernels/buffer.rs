@@ -10,6 +10,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use burn_std::{AccessError, AccessPolicy, AllocationController, AllocationProperty, Bytes};
 use rten_simd::{Isa, SimdOp};
 
+/// Numbers in a cache line.
+const LINE: usize = 16;
+
 /// An output that is not initialised yet, to be written in disjoint pieces by several threads.
 pub(super) struct Output {
     values: Vec<f32>,
@@ -172,28 +175,32 @@ impl Drop for Kept {
     }
 }
 
-/// Scratch of a thread; what it holds at the start of a use is left over from the last one.
-#[derive(Default)]
-pub(super) struct Scratch {
-    first: Vec<f32>,
-    second: Vec<f32>,
-}
-
-impl Scratch {
-    /// Two buffers of these lengths for `work`.
-    pub fn with<R>(lengths: [usize; 2], work: impl FnOnce(&mut [f32], &mut [f32]) -> R) -> R {
-        thread_local! {
-            static OWN: RefCell<Scratch> = RefCell::default();
-        }
-        OWN.with_borrow_mut(|Scratch { first, second }| {
-            for (buffer, length) in [&mut *first, &mut *second].into_iter().zip(lengths) {
-                if buffer.len() < length {
-                    buffer.resize(length, 0.0);
-                }
-            }
-            work(&mut first[..lengths[0]], &mut second[..lengths[1]])
-        })
+/// Runs `work` on scratch of these lengths, each from a cache line on, that the thread keeps; it holds whatever the last use
+/// left in it.
+pub(super) fn with_scratch<R, const N: usize>(
+    lengths: [usize; N],
+    work: impl FnOnce([&mut [f32]; N]) -> R,
+) -> R {
+    thread_local! {
+        static OWN: RefCell<Vec<f32>> = RefCell::default();
     }
+    OWN.with_borrow_mut(|own| {
+        let whole = lengths.map(|length| length.next_multiple_of(LINE));
+        let needed = whole.iter().sum::<usize>() + LINE;
+        if own.len() < needed {
+            own.resize(needed, 0.0);
+        }
+        let mut rest = &mut own[..];
+        let start = rest.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+        rest = &mut rest[start..];
+        let mut parts = lengths.into_iter().zip(whole);
+        work(std::array::from_fn(|_| {
+            let (length, whole) = parts.next().unwrap_or_default();
+            let (part, others) = std::mem::take(&mut rest).split_at_mut(whole);
+            rest = others;
+            &mut part[..length]
+        }))
+    })
 }
 
 /// Runs `work` compiled for the best vectors of this CPU; what it calls must be inlined.

@@ -11,14 +11,16 @@
 use rayon::prelude::*;
 use rten_simd::SimdOp;
 
-use super::buffer::{Output, Pieces, Scratch};
+use super::buffer::{Output, Pieces, with_scratch};
 use super::gemm::{Product, Tiling};
+use super::layout::Framed;
+use super::winograd::{Tiled, TiledWeights};
 
 /// What a band of the source may take, in numbers: it should stay in the second-level cache.
-const BAND: usize = 64 * 1024;
+pub(super) const BAND: usize = 64 * 1024;
 
 /// Groups of images whose weight gradients are summed up one after the other.
-const GROUPS: usize = 8;
+pub(super) const GROUPS: usize = 8;
 
 /// A convolution with square filters, the same stride and the same zero padding on both axes.
 #[derive(Debug, Clone, Copy)]
@@ -85,6 +87,17 @@ impl Convolution {
     /// The outputs.
     pub fn forward(&self, input: &[f32], weight: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.output_size();
+        let images = [
+            [self.inputs, self.size[0], self.size[1]],
+            [self.outputs, rows, columns],
+        ];
+        let shape = [self.kernel, self.stride, self.padding];
+        let tap = |output: usize, input: usize, ky: usize, kx: usize| {
+            weight[((output * self.inputs + input) * self.kernel + ky) * self.kernel + kx]
+        };
+        if let Some(tiled) = Tiled::new(self.batch, images, shape, tap) {
+            return tiled.run(input);
+        }
         let mut correlation = Correlation {
             tiling: Tiling::new(),
             batch: self.batch,
@@ -123,6 +136,22 @@ impl Convolution {
     /// The gradient of the inputs.
     pub fn input_gradient(&self, weight: &[f32], gradient: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.output_size();
+        let tap = |output: usize, input: usize, ky: usize, kx: usize| {
+            weight[((output * self.inputs + input) * self.kernel + ky) * self.kernel + kx]
+        };
+        if self.stride == 1 {
+            // The filters turned round, with inputs and outputs exchanged.
+            let images = [
+                [self.outputs, rows, columns],
+                [self.inputs, self.size[0], self.size[1]],
+            ];
+            let last = self.kernel - 1;
+            let turned = |input, output, ky, kx| tap(output, input, last - ky, last - kx);
+            let shape = [self.kernel, 1, last - self.padding];
+            if let Some(tiled) = Tiled::new(self.batch, images, shape, turned) {
+                return tiled.run(gradient);
+            }
+        }
         // Taps of a phase on an axis, at most.
         let taps = self.kernel.div_ceil(self.stride);
         let mut correlation = Correlation {
@@ -158,7 +187,7 @@ impl Convolution {
                     taps_of.len(),
                     |input, step| {
                         let (output, ky, kx) = taps_of[step];
-                        weight[((output * self.inputs + input) * self.kernel + ky) * self.kernel + kx]
+                        tap(output, input, ky, kx)
                     },
                 );
                 correlation.phases.push(Phase {
@@ -176,6 +205,9 @@ impl Convolution {
     /// A product whose sum runs over the pixels. Channels lie next to each other here (the input is transposed), so
     /// that the taps of a row of the filter and their channels are one run of numbers: one row of the product.
     pub fn weight_gradient(&self, input: &[f32], gradient: &[f32]) -> Vec<f32> {
+        if let Some(tiled) = TiledWeights::new(self) {
+            return tiled.run(input, gradient);
+        }
         let tiling = Tiling::new();
         let [rows, columns] = self.output_size();
         let width = self.kernel * self.inputs;
@@ -196,12 +228,24 @@ impl Convolution {
             .map(|group| {
                 let mut sums = vec![0.0; self.kernel * height * padded];
                 let images = group * self.batch / groups..(group + 1) * self.batch / groups;
-                Scratch::with([source, height * band * columns], |source, left| {
+                with_scratch([source, height * band * columns], |[source, left]| {
                     for (index, top) in images.flat_map(|i| (0..rows).step_by(band).map(move |top| (i, top)))
                     {
                         let here = band.min(rows - top);
                         let steps = here * columns;
-                        self.transpose(&input[index * image..][..image], top, here, framed, source);
+                        let frame = Framed {
+                            top: (top * self.stride) as isize - self.padding as isize,
+                            left: self.padding,
+                            columns: framed,
+                            cell: self.inputs,
+                        };
+                        let rows = (here - 1) * self.stride + self.kernel;
+                        let shape = [self.inputs, self.size[0], self.size[1]];
+                        frame.copy(
+                            &input[index * image..][..image],
+                            shape,
+                            &mut source[..rows * line],
+                        );
                         let own = &gradient[index * self.outputs * pixels..][..self.outputs * pixels];
                         for (panel, left) in left.chunks_mut(band * columns * tiling.rows).enumerate() {
                             interleave(
@@ -221,6 +265,7 @@ impl Convolution {
                             {
                                 Product {
                                     left: &left[..steps * tiling.rows],
+                                    left_step: tiling.rows,
                                     offsets: &offsets[..steps],
                                     max_offset: offsets[steps - 1],
                                     right: &source[ky * line..],
@@ -255,40 +300,6 @@ impl Convolution {
                 }
             });
         result
-    }
-
-    /// The framed rows that `here` output rows from `top` need: rows x columns x channels.
-    fn transpose(&self, image: &[f32], top: usize, here: usize, framed: usize, to: &mut [f32]) {
-        let [height, width] = self.size;
-        let channels = self.inputs;
-        let rows = (here - 1) * self.stride + self.kernel;
-        for (row, line) in to.chunks_exact_mut(framed * channels).take(rows).enumerate() {
-            let y = (top * self.stride + row).wrapping_sub(self.padding);
-            if y >= height {
-                line.fill(0.0);
-                continue;
-            }
-            let (before, rest) = line.split_at_mut(self.padding * channels);
-            let (inside, after) = rest.split_at_mut(width.min(framed - self.padding) * channels);
-            before.fill(0.0);
-            after.fill(0.0);
-            let rows = |channel: usize| &image[(channel * height + y) * width..][..width];
-            let mut channel = 0;
-            while channel + 8 <= channels {
-                let rows: [&[f32]; 8] = std::array::from_fn(|i| rows(channel + i));
-                let rows = rows.map(|row| &row[..inside.len() / channels]);
-                for (x, pixel) in inside.chunks_exact_mut(channels).enumerate() {
-                    let values: [f32; 8] = std::array::from_fn(|i| rows[i][x]);
-                    pixel[channel..channel + 8].copy_from_slice(&values);
-                }
-                channel += 8;
-            }
-            for channel in channel..channels {
-                for (pixel, value) in inside.chunks_exact_mut(channels).zip(rows(channel)) {
-                    pixel[channel] = *value;
-                }
-            }
-        }
     }
 }
 
@@ -381,7 +392,7 @@ impl Correlation {
         (0..self.batch * bands).into_par_iter().for_each(|task| {
             let (index, top) = (task / bands, task % bands * self.band);
             let here = self.band.min(self.result[0] - top);
-            Scratch::with([framed, self.tiling.rows * longest], |framed, product| {
+            with_scratch([framed, self.tiling.rows * longest], |[framed, product]| {
                 self.frame(&source[index * image..][..image], top, here, framed);
                 for phase in &self.phases {
                     self.multiply(phase, [index, top, here], framed, product, &pieces);
@@ -418,6 +429,7 @@ impl Correlation {
         for panel in 0..channels.div_ceil(rows) {
             Product {
                 left: &phase.panels[panel * rows * steps..][..rows * steps],
+                left_step: rows,
                 offsets: &phase.offsets,
                 max_offset: phase.offsets.iter().copied().max().unwrap_or(0),
                 right: framed,

@@ -46,12 +46,14 @@ impl Tiling {
     }
 }
 
-/// `output[r][j] += sum over k of left[k][r] * right[offsets[k] + j]` for a panel of [`Tiling::rows`] rows.
+/// `output[r][j] += sum over k of left[k * left_step + r] * right[offsets[k] + j]` for a panel of [`Tiling::rows`] rows.
 ///
 /// Every number is summed in the order of k, whatever its place in a tile.
 pub(super) struct Product<'a> {
     /// One panel: [`Tiling::rows`] numbers a step of the sum.
     pub left: &'a [f32],
+    /// Numbers of `left` from a step to the next, at least [`Tiling::rows`].
+    pub left_step: usize,
     /// Where the row of the right operand starts, a step of the sum.
     pub offsets: &'a [u32],
     /// Not below any of `offsets`.
@@ -86,25 +88,36 @@ impl Product<'_> {
     #[inline(always)]
     fn tiles<I: Isa, const ROWS: usize>(self, isa: I, lanes: usize) {
         let vectors = self.width.div_ceil(lanes);
-        assert_eq!(self.left.len(), self.offsets.len() * ROWS);
+        let steps = self.offsets.len();
+        assert!(self.left_step >= ROWS);
+        assert!(steps == 0 || self.left.len() >= (steps - 1) * self.left_step + ROWS);
         assert!(self.right.len() >= self.max_offset as usize + vectors * lanes);
         assert!(self.stride >= vectors * lanes && self.output.len() >= ROWS * self.stride);
         debug_assert!(self.offsets.iter().all(|offset| *offset <= self.max_offset));
         let mut vector = 0;
         while vector < vectors {
             let column = vector * lanes;
-            // SAFETY: `left` holds ROWS numbers a step; the tile reads `right` up to its largest offset plus the
+            // SAFETY: `left` holds ROWS numbers at every step; the tile reads `right` up to its largest offset plus the
             // padded width and writes ROWS rows within `stride`, all of which is asserted above.
             unsafe {
                 let right = self.right.as_ptr().add(column);
                 let output = self.output.as_mut_ptr().add(column);
                 match vectors - vector {
-                    1 => self.tile::<I, ROWS, 1>(isa, right, output),
-                    2 => self.tile::<I, ROWS, 2>(isa, right, output),
-                    _ => self.tile::<I, ROWS, TILE>(isa, right, output),
+                    1 => {
+                        self.tile::<I, ROWS, 1>(isa, right, output);
+                        vector += 1;
+                    }
+                    // Two and two, not three and one: a tile of one vector has too few sums to keep the CPU busy.
+                    2 | 4 => {
+                        self.tile::<I, ROWS, 2>(isa, right, output);
+                        vector += 2;
+                    }
+                    _ => {
+                        self.tile::<I, ROWS, TILE>(isa, right, output);
+                        vector += TILE;
+                    }
                 }
             }
-            vector += TILE;
         }
     }
 
@@ -120,7 +133,7 @@ impl Product<'_> {
         let ops = isa.f32();
         let lanes = ops.len();
         let mut sums = [[ops.zero(); WIDE]; ROWS];
-        // SAFETY: the caller's promise, and `left` has ROWS numbers a step.
+        // SAFETY: the caller's promise, and `left` has ROWS numbers at every step.
         unsafe {
             if self.accumulate {
                 for (r, row) in sums.iter_mut().enumerate() {
@@ -129,8 +142,8 @@ impl Product<'_> {
                     }
                 }
             }
-            let mut left = self.left.as_ptr();
-            for &offset in self.offsets {
+            for (step, &offset) in self.offsets.iter().enumerate() {
+                let left = self.left.as_ptr().add(step * self.left_step);
                 let start = right.add(offset as usize);
                 let mut columns = [ops.zero(); WIDE];
                 for (i, column) in columns.iter_mut().enumerate() {
@@ -142,7 +155,6 @@ impl Product<'_> {
                         *sum = ops.mul_add(factor, column, *sum);
                     }
                 }
-                left = left.add(ROWS);
             }
             for (r, row) in sums.iter().enumerate() {
                 for (i, sum) in row.iter().enumerate() {

@@ -10,11 +10,13 @@
 mod buffer;
 mod conv;
 mod gemm;
+mod layout;
 mod norm;
 mod pool;
 #[cfg(test)]
 mod tests;
 mod upsample;
+mod winograd;
 
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;

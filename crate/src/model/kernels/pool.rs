@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use super::buffer::{Output, Scratch, vectorised};
+use super::buffer::{Output, vectorised, with_scratch};
 
 /// Rows or columns of a pooled map.
 pub(super) fn pooled(side: usize) -> usize {
@@ -22,7 +22,7 @@ pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
         .par_chunks_exact_mut(size)
         .zip(input.par_chunks_exact(height * width))
         .for_each(|(output, input)| {
-            Scratch::with([2 * columns; 2], |upper, lower| {
+            with_scratch([2 * columns; 2], |[upper, lower]| {
                 for (row, line) in output.chunks_exact_mut(columns).enumerate() {
                     frame([&mut *upper, &mut *lower], input, width, row);
                     vectorised(
@@ -51,7 +51,7 @@ pub(super) fn gradient(input: &[f32], [height, width]: [usize; 2], gradient: &[f
         .zip(gradient.par_chunks_exact(size))
         .enumerate()
         .for_each(|(map, (input, gradient))| {
-            Scratch::with([2 * columns; 2], |upper, lower| {
+            with_scratch([2 * columns; 2], |[upper, lower]| {
                 for (row, line) in gradient.chunks_exact(columns).enumerate() {
                     frame([&mut *upper, &mut *lower], input, width, row);
                     vectorised(

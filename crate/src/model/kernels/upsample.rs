@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::buffer::{Output, Scratch, vectorised};
+use super::buffer::{Output, vectorised, with_scratch};
 
 const NEAR: f32 = 0.75;
 const FAR: f32 = 0.25;
@@ -30,7 +30,7 @@ pub(super) fn upsample(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
         .par_chunks_exact_mut(4 * height * width)
         .zip(input.par_chunks_exact(height * width))
         .for_each(|(output, input)| {
-            Scratch::with([width + 2, 0], |blend, _| {
+            with_scratch([width + 2], |[blend]| {
                 for (y, line) in output.chunks_exact_mut(2 * width).enumerate() {
                     let other = if y % 2 == 0 {
                         (y / 2).saturating_sub(1)
@@ -67,7 +67,7 @@ pub(super) fn gradient(gradient: &[f32], [height, width]: [usize; 2]) -> Vec<f32
         .par_chunks_exact_mut(height * width)
         .zip(gradient.par_chunks_exact(4 * height * width))
         .for_each(|(output, gradient)| {
-            Scratch::with([2 * width + 2, 0], |blend, _| {
+            with_scratch([2 * width + 2], |[blend]| {
                 for (y, line) in output.chunks_exact_mut(width).enumerate() {
                     let rows = [
                         (2 * y).saturating_sub(1),
