@@ -43,7 +43,7 @@ impl Sum {
 
 fn compare(what: &str, case: &Convolution, got: &[f32], expected: &[Sum]) {
     assert_eq!(got.len(), expected.len(), "{what} of {case:?}");
-    let by_tiles = case.kernel == 3 && case.inputs.min(case.outputs) >= 16;
+    let by_tiles = [3, 5].contains(&case.kernel) && case.inputs.min(case.outputs) >= 16;
     let largest = expected.iter().map(|sum| sum.size).fold(0.0, f64::max);
     for (i, (got, expected)) in got.iter().zip(expected).enumerate() {
         let (roundings, size) = match by_tiles {
@@ -170,15 +170,23 @@ fn convolutions_of_the_architectures() {
 /// Channels that fill no vector, images that fill no tile, borders of all widths.
 #[test]
 fn convolutions_by_tiles() {
-    for [stride, padding] in [[1, 1], [1, 0], [1, 2], [2, 1], [2, 0]] {
-        for size in [[3, 3], [4, 9], [13, 9], [17, 32], [33, 50]] {
+    for [kernel, stride, padding] in [
+        [3, 1, 1],
+        [3, 1, 0],
+        [3, 1, 2],
+        [3, 2, 1],
+        [3, 2, 0],
+        [5, 1, 0],
+        [5, 1, 3],
+    ] {
+        for size in [[5, 5], [6, 9], [13, 9], [17, 32], [33, 50]] {
             for (batch, inputs, outputs) in [(1, 16, 16), (3, 17, 20), (11, 24, 33)] {
                 check(Convolution {
                     batch,
                     inputs,
                     outputs,
                     size,
-                    kernel: 3,
+                    kernel,
                     stride,
                     padding,
                 });

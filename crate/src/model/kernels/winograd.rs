@@ -1,5 +1,5 @@
-//! Convolutions with filters of 3 x 3 and their gradients by Winograd's algorithm, with the tiles of the engine: a band of an
-//! image is laid out as the engine has its maps, convolved, and laid back.
+//! Convolutions and their gradients by Winograd's algorithm, with the tiles of the engine: a band of an image is laid out as
+//! the engine has its maps, convolved, and laid back.
 
 use rayon::prelude::*;
 use rten_simd::ops::{BitOps, NumOps};
@@ -41,7 +41,7 @@ impl Tiled {
         at: impl Fn(usize, usize, usize, usize) -> f32 + Sync,
     ) -> Option<Self> {
         let (inputs, outputs) = (source[0], output[0]);
-        let tiling = Tiling::new(kernel, stride).filter(|_| kernel == 3 && inputs.min(outputs) >= WORTH)?;
+        let tiling = Tiling::new(kernel, stride).filter(|_| inputs.min(outputs) >= WORTH)?;
         let lanes = lanes();
         let cells = [inputs, outputs].map(|channels| channels.next_multiple_of(lanes));
         let at = |o: usize, i: usize, ky: usize, kx: usize| {
