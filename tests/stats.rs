@@ -1,4 +1,9 @@
 //! Statistics over runs against numpy, SciPy and rliable (`tests/golden/make_stats.py`).
+//!
+//! `cargo test --test stats -- --nocapture` prints how far they are apart.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 use serde_json::Value;
 use tracklens::metric::stats::{
@@ -18,35 +23,56 @@ fn numbers(value: &Value) -> Vec<f64> {
     values.map(|v| v.as_f64().expect("a number")).collect()
 }
 
-#[track_caller]
-fn close(found: f64, expected: &Value) {
-    let expected = expected.as_f64().expect("a number");
-    assert!(
-        (found - expected).abs() <= TOLERANCE * expected.abs().max(1.0),
-        "{found} {expected}"
-    );
+/// The largest differences from the reference, relative to it where it is above 1, by the name of the statistic.
+#[derive(Default)]
+struct Parity(RefCell<BTreeMap<&'static str, f64>>);
+
+impl Parity {
+    #[track_caller]
+    fn close(&self, name: &'static str, found: f64, expected: &Value) {
+        let expected = expected.as_f64().expect("a number");
+        let off = (found - expected).abs() / expected.abs().max(1.0);
+        assert!(off <= TOLERANCE, "{name}: {found} {expected}");
+        let mut largest = self.0.borrow_mut();
+        let largest = largest.entry(name).or_default();
+        *largest = largest.max(off);
+    }
+}
+
+impl Drop for Parity {
+    fn drop(&mut self) {
+        for (name, largest) in self.0.borrow().iter() {
+            println!("{name}: largest difference {largest:.1e}, tolerance {TOLERANCE:.0e}");
+        }
+    }
 }
 
 #[test]
 fn samples_equal_numpy_and_scipy() {
+    let parity = Parity::default();
     for case in fixture()["samples"].as_array().expect("cases") {
         let values = numbers(&case["values"]);
         let sample = Sample::of(&values).expect("a sample");
-        close(sample.mean, &case["mean"]);
+        parity.close("mean (numpy)", sample.mean, &case["mean"]);
         match &case["variance"] {
             Value::Null => assert!(sample.variance.is_nan()),
-            variance => close(sample.variance, variance),
+            variance => parity.close("variance (numpy)", sample.variance, variance),
         }
         for (found, expected) in sample
             .quartiles
             .iter()
             .zip(case["quartiles"].as_array().expect("five"))
         {
-            close(*found, expected);
+            parity.close("quartiles (numpy)", *found, expected);
         }
         assert_eq!(sample.median(), quantile(&values, 0.5).expect("a median"));
-        close(trimmed_mean(&values).expect("a mean"), &case["trimmed_mean"]);
-        close(
+        parity.close(
+            "IQM, trimmed (SciPy)",
+            trimmed_mean(&values).expect("a mean"),
+            &case["trimmed_mean"],
+        );
+        parity.close(
+            "IQM, between quartiles (numpy)",
             quantile_window_mean(&values).expect("a mean"),
             &case["quantile_window_mean"],
         );
@@ -60,7 +86,11 @@ fn improvement_equals_rliable() {
     let case = &fixture()["improvement"];
     let (a, b) = (numbers(&case["a"]), numbers(&case["b"]));
     let there = probability_of_improvement(&a, &b).expect("a probability");
-    close(there, &case["probability"]);
+    Parity::default().close(
+        "probability of improvement (rliable)",
+        there,
+        &case["probability"],
+    );
     let back = probability_of_improvement(&b, &a).expect("a probability");
     assert!((there + back - 1.0).abs() < 1e-15);
     assert_eq!(probability_of_improvement(&a, &a).expect("a probability"), 0.5);
@@ -83,7 +113,9 @@ fn stratified_intervals_are_those_of_rliable() {
     // both intervals have it: 4 standard errors of the difference are 0.018 w.
     let width = expected[1] - expected[0];
     for (found, expected) in found.iter().zip(&expected) {
-        assert!((found - expected).abs() < 0.018 * width, "{found} {expected}");
+        let off = (found - expected).abs() / width;
+        assert!(off < 0.018, "{found} {expected}");
+        println!("end of the stratified interval (rliable): {off:.1e} of its width, tolerance 1.8e-2");
     }
     let again = stratified_interval(&strata, 50_000, 0.95, 3, statistic).expect("an interval");
     assert_eq!(found, again);
@@ -91,6 +123,7 @@ fn stratified_intervals_are_those_of_rliable() {
 
 #[test]
 fn smoothing_equals_scipy() {
+    let parity = Parity::default();
     for case in fixture()["smooth"].as_array().expect("cases") {
         let found = smooth(
             &numbers(&case["values"]),
@@ -98,7 +131,7 @@ fn smoothing_equals_scipy() {
         )
         .expect("a curve");
         for (found, expected) in found.iter().zip(case["smoothed"].as_array().expect("a curve")) {
-            close(*found, expected);
+            parity.close("Gaussian smoothing (SciPy)", *found, expected);
         }
     }
     assert!(smooth(&[], 2.5).expect("nothing").is_empty());
