@@ -1,5 +1,5 @@
-// In the page before its own script: tells when it can be used and when the first TC is there, of the bundled example or
-// of two tables that are dropped (?tables).
+// In the page before its own script: tells when something is painted, when it can be used and when the first TC is there, of
+// the bundled example or of two tables that are dropped (?tables), and the longest task of the page's own thread until then.
 const $ = (selector) => document.querySelector(selector);
 const post = (path, body) => fetch(path, { method: "POST", body: JSON.stringify(body ?? {}) });
 
@@ -13,6 +13,12 @@ const when = (condition) =>
     });
     observer.observe(document.body, { attributes: true, subtree: true });
   });
+
+let longest = 0;
+const tasks = new PerformanceObserver((list) => {
+  for (const { duration } of list.getEntries()) longest = Math.max(longest, duration);
+});
+tasks.observe({ type: "longtask", buffered: true });
 
 const interactive = await when(() => !$("#try-example").disabled);
 const scored = when(() => $("#results").dataset.tc !== undefined);
@@ -30,4 +36,7 @@ if (new URLSearchParams(location.search).has("tables")) {
   $("#try-example").click();
 }
 const tc = await scored;
-await post("/result", { interactive, milliseconds: tc - start, tc: Number($("#results").dataset.tc) });
+// A task is told of once it has ended.
+await new Promise((resolve) => setTimeout(resolve, 200));
+const [paint] = performance.getEntriesByName("first-contentful-paint");
+await post("/result", { paint: paint?.startTime, interactive, milliseconds: tc - start, longest });
