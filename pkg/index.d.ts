@@ -12,9 +12,10 @@
 
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
- * is not said to be of another part), `extraction` ({@link Encoder}), `figures` and `comparison` ({@link Comparison}).
+ * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `figures` and
+ * `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "extraction" | "figures" | "comparison";
+export type Part = "scoring" | "extraction" | "images" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -255,12 +256,24 @@ export function latentToImage(config: string, points: Float64Array, width: numbe
 export class Encoder {
   constructor(bytes: Uint8Array, name: string);
   readonly info: EncoderInfo;
-  /** Decodes a PNG, JPEG or WebP image, or a numpy array of a frame (`.npy`), and extracts its keypoints. */
+  /**
+   * Decodes a PNG image or a numpy array of a frame (`.npy`) and extracts its keypoints. {@link imageToArray} makes an array
+   * of a JPEG or WebP image.
+   */
   extract(image: Uint8Array, name: string): Extraction;
   /** Decodes an image and gives the weights behind one of its keypoints. */
   heatMap(image: Uint8Array, name: string, keypoint: number): HeatMap;
   free(): void;
 }
+
+/**
+ * Decodes a PNG, JPEG or WebP image to a numpy array (`.npy`, height x width x 3 bytes), which {@link Encoder} takes in place
+ * of the image. Part `images`.
+ */
+export function imageToArray(image: Uint8Array, name: string): Uint8Array;
+
+/** Whether it is the beginning of a JPEG or WebP image, which {@link imageToArray} has to decode. Needs no part. */
+export function needsDecoding(image: Uint8Array): boolean;
 
 /** The decoder of a checkpoint, which makes an image of keypoints, as it was trained to. Part `extraction`. */
 export class Decoder {

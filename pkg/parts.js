@@ -2,9 +2,18 @@
 import comparison from "./tracklens_comparison.js";
 import extraction from "./tracklens_extraction.js";
 import figures from "./tracklens_figures.js";
+import images from "./tracklens_images.js";
 import scoring from "./tracklens_scoring.js";
 
-const LOADERS = { scoring, extraction, figures, comparison };
+const LOADERS = { scoring, extraction, images, figures, comparison };
+
+/** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
+export function needsDecoding(image) {
+  const is = (bytes, at) => bytes.every((byte, i) => image[at + i] === byte);
+  const riff = [0x52, 0x49, 0x46, 0x46];
+  const webp = [0x57, 0x45, 0x42, 0x50];
+  return is([0xff, 0xd8, 0xff], 0) || (is(riff, 0) && is(webp, 8));
+}
 
 /** The WebAssembly file of a part. */
 export function wasmOf(part) {

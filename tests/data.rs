@@ -357,6 +357,45 @@ fn bad_images_are_told_with_what_was_expected() {
     assert!(message(&blank_png(20_000, 20_000)).contains("the image is 20000 x 20000 pixels"));
 }
 
+/// WebP defines every bit. JPEG's inverse transform may be off by 1, and the conversion of colours makes 3 of it (4:4:4); of
+/// 4:2:0 the halved colours are spread by filters that round once more.
+#[test]
+fn photos_are_decoded_as_by_pillow() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/photos");
+    let frame = |name: &str| {
+        let bytes = std::fs::read(folder.join(name)).expect("a file");
+        Frame::decode(&bytes).expect("an image")
+    };
+    for (i, (ending, mean, largest)) in [
+        ("jpg", 0.1, 5),
+        ("jpg", 0.1, 3),
+        ("webp", 0.0, 0),
+        ("webp", 0.0, 0),
+        ("png", 0.0, 0),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let ours = frame(&format!("seq_0000/frame_{i:03}.{ending}"));
+        let theirs = frame(&format!("decoded/frame_{i:03}.png"));
+        let differences: Vec<u8> = ours
+            .rgb()
+            .iter()
+            .zip(theirs.rgb().iter())
+            .map(|(a, b)| a.abs_diff(*b))
+            .collect();
+        let sum: f64 = differences.iter().map(|d| f64::from(*d)).sum();
+        let found = (
+            sum / differences.len() as f64,
+            differences.iter().max().copied().unwrap_or(0),
+        );
+        println!("frame {i}, {ending}: mean {:.3}, largest {}", found.0, found.1);
+        assert!(found.0 <= mean && found.1 <= largest, "frame {i}: {found:?}");
+        // An array of the same pixels.
+        assert_eq!(Frame::decode(&ours.to_npy()).expect("an array").rgb(), ours.rgb());
+    }
+}
+
 /// The header of a PNG of `width` x `height` and no pixels.
 fn blank_png(width: u32, height: u32) -> Vec<u8> {
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();

@@ -1,6 +1,7 @@
 // @ts-check
 /** A worker of `extraction-pool.js`: its own instance of the extraction, one encoder, a frame at a time. */
 
+import { decodable } from "./decodable.js";
 import init, { Encoder, extractionMemory } from "./pkg/index.js";
 
 /**
@@ -60,7 +61,7 @@ async function answer(request, bytes) {
       return { type: "opened", info: encoder.info, memory: extractionMemory() };
     }
     if (!encoder) throw new Error("no checkpoint was opened");
-    const extraction = encoder.extract(await bytes, path);
+    const extraction = encoder.extract(await decodable(await bytes, path), path);
     const { points, width, height } = extraction;
     extraction.free();
     return { type: "extracted", points, width, height, memory: extractionMemory() };

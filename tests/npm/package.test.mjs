@@ -106,6 +106,23 @@ test("a keypoint table survives the way through CSV", async () => {
   assert.deepEqual([again.frames, again.keypoints], [15, 4]);
 });
 
+test("JPEG and WebP images are decoded by a part of their own", async () => {
+  const photos = new URL("../data/photos/seq_0000/", import.meta.url);
+  const encoder = new tracklens.Encoder(await golden("basic-vel-std-bg-tiny.safetensors"), "tiny.safetensors");
+  for (const name of ["frame_000.jpg", "frame_001.jpg", "frame_002.webp", "frame_003.webp"]) {
+    const image = await readFile(new URL(name, photos));
+    assert.ok(tracklens.needsDecoding(image), name);
+    assert.throws(() => encoder.extract(image, name), /cannot be decoded .*imageToArray/);
+    const found = encoder.extract(tracklens.imageToArray(image, name), name);
+    assert.deepEqual([found.width, found.height], [128, 128]);
+    assert.throws(() => tracklens.imageToArray(image.subarray(0, 300), "cut"), /cut: .*is the file complete/);
+  }
+  const png = await readFile(new URL("frame_004.png", photos));
+  assert.ok(!tracklens.needsDecoding(png));
+  const points = (image) => encoder.extract(image, "frame_004.png").points;
+  assert.deepEqual(points(tracklens.imageToArray(png, "frame_004.png")), points(png));
+});
+
 test("errors are JavaScript errors with the same text", async () => {
   const utf8 = (text) => new TextEncoder().encode(text);
   const kind = (kind, message) => (error) => error instanceof Error && error.kind === kind && message.test(error.message);
@@ -410,14 +427,15 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, images, figures, comparison/);
 });
 
 test("what a browser downloads stays small", async () => {
   const pkg = new URL("../../pkg/", import.meta.url);
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
-  // What has to be there before the page can be used, what workers load, what comes with the first score, and with the first runs.
-  for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 400_000, figures: 200_000, comparison: 300_000 })) {
+  // What has to be there before the page can be used, what workers load, what comes with the first JPEG or WebP image, with
+  // the first score, and with the first runs.
+  for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 300_000, images: 250_000, figures: 200_000, comparison: 300_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

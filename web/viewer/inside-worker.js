@@ -1,6 +1,7 @@
 // @ts-check
 /** The worker of `inside.js`: its own instance of the package, one checkpoint. */
 
+import { decodable } from "../decodable.js";
 import init, { Decoder, Encoder } from "../pkg/index.js";
 
 /** The page ends this worker when the checkpoint changes. @type {Encoder | undefined} */
@@ -23,7 +24,7 @@ async function answer(question) {
     if (question.kind === "heat") {
       const { frame, keypoint } = question;
       encoder ??= new Encoder(await bytesOf(checkpoint), checkpoint.path);
-      const map = encoder.heatMap(await bytesOf(frame), frame.path, keypoint);
+      const map = encoder.heatMap(await decodable(await bytesOf(frame), frame.path), frame.path, keypoint);
       const { width, height, weights } = map;
       map.free();
       return { map: { width, height, weights } };

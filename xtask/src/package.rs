@@ -17,7 +17,7 @@ use crate::setup::{NPM_LOCK, WasmOpt, page_libraries, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes it.
-pub const PARTS: [Part; 4] = [
+pub const PARTS: [Part; 5] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
@@ -27,6 +27,12 @@ pub const PARTS: [Part; 4] = [
     Part {
         name: "tracklens_extraction",
         feature: "web-extraction",
+        profile: "wasm",
+        fast: true,
+    },
+    Part {
+        name: "tracklens_images",
+        feature: "web-images",
         profile: "wasm",
         fast: true,
     },

@@ -84,7 +84,7 @@ impl Frame {
         })
     }
 
-    /// Decodes a PNG, JPEG or WebP image, recognised by its content. Grey becomes RGB, transparency is dropped,
+    /// Decodes a PNG image, or with the feature `jpeg-webp` a JPEG or WebP image, recognised by its content. Grey becomes RGB, transparency is dropped,
     /// 16 bits become 8. A numpy array (`.npy`, `[H, W, 3]` or `[3, H, W]`), as recordings hold them, is a frame too.
     ///
     /// # Errors
@@ -104,8 +104,19 @@ impl Frame {
             )));
         }
         let damaged = |e: ::image::ImageError| {
+            if let ::image::ImageError::Unsupported(e) = &e {
+                let advice = if cfg!(feature = "jpeg-webp") {
+                    "save it as PNG"
+                } else {
+                    "decode it with `imageToArray` of the part `images` (feature `jpeg-webp`), or save it as PNG"
+                };
+                return Error::input(format!("the image cannot be decoded ({e}); {advice}"));
+            }
+            // Some reasons end with a line break.
+            let reason = e.to_string();
             Error::input(format!(
-                "the image cannot be decoded ({e}); is the file complete ({} bytes)?",
+                "the image cannot be decoded ({}); is the file complete ({} bytes)?",
+                reason.trim_end(),
                 bytes.len()
             ))
         };
@@ -156,6 +167,13 @@ impl Frame {
             .write_image(&self.rgb(), self.width, self.height, ExtendedColorType::Rgb8)
             .map_err(|e| Error::input(format!("no PNG image can be made of the frame: {e}")))?;
         Ok(png)
+    }
+
+    /// The frame as a numpy array (`.npy`, `[H, W, 3]`, unsigned bytes), see [`Frame::rgb`]; [`Frame::decode`] reads it.
+    pub fn to_npy(&self) -> Vec<u8> {
+        let mut array = super::npz::npy_header("|u1", &[self.height as usize, self.width as usize, 3]);
+        array.extend_from_slice(&self.rgb());
+        array
     }
 
     /// The frame as planes of red, green and blue in [0, 1], 3 x height x width, resized to `[width, height]`

@@ -1,8 +1,8 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
-//! in the workers, figures once there is something to draw, comparison with the first runs, extraction on the GPU where
-//! there is one. Objects of one part mean nothing to another one.
+//! in the workers, images with the first JPEG or WebP image, figures once there is something to draw, comparison with the
+//! first runs, extraction on the GPU where there is one. Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-comparison")]
 mod comparison;
@@ -22,6 +22,8 @@ mod files;
 mod frames;
 #[cfg(feature = "web-gpu")]
 mod gpu;
+#[cfg(feature = "web-images")]
+mod images;
 #[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
 #[cfg(feature = "web-scoring")]

@@ -165,6 +165,28 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     page.close().await;
 }
 
+/// JPEG and WebP come with a part of the package of their own, which is fetched for them only.
+#[tokio::test(flavor = "multi_thread")]
+async fn photos_are_extracted_as_in_the_terminal() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data");
+    let data = data.canonicalize().expect("the data of the tests");
+    let fetched = "performance.getEntriesByType('resource').some(({ name }) => name.endsWith('tracklens_images_bg.wasm'))";
+    let page = Page::open().await;
+    page.pick(&[
+        &example("checkpoint.safetensors"),
+        &data.join("panda_push/ground_truth.csv"),
+    ])
+    .await;
+    page.pick_folder(&data.join("photos/seq_0000")).await;
+    page.until_scored().await;
+    assert_eq!(page.value(fetched).await, false, "by the page itself");
+    let folder = tempfile::tempdir().expect("a folder");
+    let expected = extract_keypoints(&data.join("photos/seq_0000"), &folder.path().join("kp.csv"));
+    assert_eq!(expected.lines().count(), 1 + 5 * 30);
+    same_keypoints(&page.saved_keypoints().await, &expected, KEYPOINTS);
+    page.close().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_extraction_can_be_cancelled_and_goes_on() {
     let page = Page::open().await;
