@@ -931,14 +931,14 @@ fn inspect_says_what_is_there_and_what_does_not_fit() {
         "--quiet",
         &format("record.hdf5"),
     ]));
-    assert_eq!(found["schema"], "tracklens/data/1");
+    assert_eq!(found["schema"], "tracklens/data/2");
     assert_eq!(
         (found["frames"].as_u64(), found["sequences"].as_u64()),
         (Some(15), Some(3))
     );
     assert_eq!(found["sizes"]["16x16"], 15);
     assert_eq!(found["pixels"][0], "float");
-    let truth = &found["groundTruth"];
+    let truth = &found["ground_truth"];
     assert_eq!(truth["objects"][0]["name"], "cube");
     assert_eq!(truth["objects"][4]["name"], "eef");
     assert_eq!(truth["objects"][4]["visible"], 15);
@@ -953,12 +953,12 @@ fn inspect_says_what_is_there_and_what_does_not_fit() {
     std::fs::write(frame.join("frame_002.png"), b"no image").expect("written");
     std::fs::copy(frame.join("frame_000.png"), frame.join("frame_009.png")).expect("copied");
     let found = json(&tracklens(&["data", "inspect", "--quiet", out]));
-    assert_eq!(found["sequenceLengths"], serde_json::json!([5, 6]));
+    assert_eq!(found["sequence_lengths"], serde_json::json!([5, 6]));
     assert_eq!(found["pixels"], serde_json::json!(["8-bit"]));
     let unreadable = found["unreadable"].as_array().expect("a list");
     assert_eq!(unreadable.len(), 1);
     assert!(unreadable[0].as_str().expect("text").contains("frame_002.png"));
-    assert_eq!(found["groundTruth"]["join"]["unmatchedFrames"]["count"], 1);
+    assert_eq!(found["ground_truth"]["join"]["unmatched_frames"]["count"], 1);
 }
 
 #[test]
