@@ -166,6 +166,7 @@ function equations({ a, b }) {
  */
 function thresholdField(session, object) {
   const id = `threshold-${object}`;
+  let inForce = NaN;
   const input = h("input", {
     id,
     type: "number",
@@ -177,7 +178,7 @@ function thresholdField(session, object) {
       const value = input.valueAsNumber;
       const valid = Number.isFinite(value) && value > 0;
       input.setAttribute("aria-invalid", String(!valid));
-      hint.textContent = valid ? "" : "Expected a number above 0.";
+      hint.textContent = valid ? "" : `Expected a number above 0; ${inForce} still holds.`;
       if (valid) session.setThreshold(object, value);
     },
     // Leaving the field with something impossible in it brings back what is in force.
@@ -194,6 +195,7 @@ function thresholdField(session, object) {
     session.setThreshold(object, value);
   };
   const update = (/** @type {number} */ threshold) => {
+    inForce = threshold;
     // What is being typed is not rewritten.
     if (document.activeElement !== input) input.value = String(threshold);
     button.hidden = threshold === session.defaultThresholds[object];

@@ -131,6 +131,8 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     assert_eq!(page.value(&set("eef", "0.000001")).await, (2.0 / 3.0).to_string());
     // What cannot be a threshold changes nothing.
     assert_eq!(page.value(&set("eef", "-3")).await, (2.0 / 3.0).to_string());
+    page.until("document.querySelector('#threshold-eef-hint').textContent === 'Expected a number above 0; 0.000001 still holds.'")
+        .await;
     assert_eq!(page.value("document.querySelector('#threshold-eef').ariaInvalid ?? document.querySelector('#threshold-eef').getAttribute('aria-invalid')").await, "true");
 
     // The transform acts at once, too, and equals the command's.
