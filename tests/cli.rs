@@ -154,6 +154,11 @@ fn thresholds_transforms_and_ranks_are_taken() {
             "`cube=1,eef=2` gives more than one threshold",
         ),
         (
+            ["--report", "report.pdf"],
+            "expected a name that ends in .html or .htm",
+        ),
+        (["--tresholds", "cube=1"], "'--threshold'"),
+        (
             ["--transform", "projective"],
             "expected one of identity, scale-translate, affine",
         ),
@@ -414,6 +419,22 @@ fn eval_equals_extract_and_then_score() {
     }
     assert_eq!(scored["frames"], 15);
     assert!(scored["objects"][2]["rmse_px"].is_number());
+}
+
+#[test]
+fn keypoints_can_go_to_the_standard_output() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("kp.csv").to_string_lossy().into_owned();
+    assert!(extract(&frames(), &file).status.success());
+    let piped = extract(&frames(), "-");
+    assert!(piped.status.success(), "{}", stderr(&piped));
+    assert_eq!(piped.stdout, std::fs::read(&file).expect("a table"));
+    assert!(
+        stderr(&piped).contains("written to the standard output"),
+        "{}",
+        stderr(&piped)
+    );
+    assert!(!Path::new("-").exists());
 }
 
 #[test]

@@ -78,7 +78,7 @@ pub(super) struct ScoringArguments {
     #[arg(long)]
     context: bool,
     /// Also write everything as one HTML file
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = files::parse_html_path)]
     report: Option<PathBuf>,
     /// Also write every figure into this folder, as SVG and PNG
     #[arg(long, value_name = "DIR")]
