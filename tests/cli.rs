@@ -665,6 +665,11 @@ mod train {
             "{}",
             stderr(&unknown)
         );
+        assert!(
+            stderr(&unknown).contains("did you mean `basic-"),
+            "{}",
+            stderr(&unknown)
+        );
     }
 
     #[test]
