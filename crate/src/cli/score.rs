@@ -281,7 +281,7 @@ fn print_table(report: &EvaluationReport) -> Result<()> {
         let errors = intervals.objects.iter();
         let errors: Vec<String> = errors.filter_map(|o| Some(range(&o.name, o.error?))).collect();
         say!(
-            "95 % intervals over sequences ({} resamples): {}; {}",
+            "95 % intervals over sequences of these errors, fitted and scored on the same frames ({} resamples): {}; {}",
             intervals.resamples,
             range("TC", intervals.tc),
             errors.join("; ")

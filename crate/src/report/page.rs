@@ -107,10 +107,12 @@ fn protocol(report: &EvaluationReport) -> String {
     }
     if let Some(intervals) = &report.intervals {
         text += &format!(
-            " Small figures: {:.0} % intervals, {}, {} resamples; of TC {:.3}–{:.3}.",
+            " Small figures: {:.0} % intervals of the errors that are fitted and scored on the same frames, {}, {} \
+             resamples; of the TC on these frames, {:.3}: {:.3}–{:.3}.",
             100.0 * intervals.level,
             intervals.method,
             intervals.resamples,
+            report.tc,
             intervals.tc[0],
             intervals.tc[1]
         );
