@@ -4,6 +4,7 @@
 import { announce, byId, fill, h, icon, notice } from "./dom.js";
 import { save } from "./download.js";
 import { baseName, count, fixed, integer, significant } from "./format.js";
+import { scrollRegion } from "./scroll-region.js";
 
 /**
  * @typedef {import("./comparison.js").RunsComparison} RunsComparison
@@ -258,16 +259,13 @@ function errorTable(report) {
 function table(id, caption, [header, ...rows]) {
   const cells = (/** @type {(import("./dom.js").Child | import("./dom.js").Child[])[]} */ row) =>
     row.map((cell, i) => (i === 0 ? h("th", { scope: "row" }, ...[cell].flat()) : h("td", {}, ...[cell].flat())));
-  return h(
-    "div",
-    { class: "table-scroll", tabindex: "0", role: "region", "aria-label": caption },
-    h(
-      "table",
-      { id, class: "runs-table" },
-      h("thead", {}, h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat())))),
-      h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row)))),
-    ),
+  const element = h(
+    "table",
+    { id, class: "runs-table" },
+    h("thead", {}, h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat())))),
+    h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row)))),
   );
+  return scrollRegion(h("div", { class: "table-scroll" }, element), caption);
 }
 
 /**
@@ -340,11 +338,8 @@ function runTable(report, order) {
     );
   };
   sort();
-  return h(
-    "div",
-    { class: "table-scroll tall", tabindex: "0", role: "region", "aria-label": "Runs" },
-    h("table", { id: "run-table", class: "runs-table" }, h("thead", {}, h("tr", {}, ...headers)), body),
-  );
+  const element = h("table", { id: "run-table", class: "runs-table" }, h("thead", {}, h("tr", {}, ...headers)), body);
+  return scrollRegion(h("div", { class: "table-scroll tall" }, element), "Runs");
 }
 
 /** @param {Figure} figure */
@@ -364,7 +359,7 @@ function figureView({ name, caption, svg }) {
   return h(
     "figure",
     { data: { figure: name } },
-    h("div", { class: "table-scroll", tabindex: "0", role: "group", "aria-label": name }, picture),
+    scrollRegion(h("div", { class: "table-scroll" }, picture), name),
     h(
       "figcaption",
       {},

@@ -26,7 +26,7 @@ pub fn runs_page(report: &RunsReport, figures: &[Figure]) -> String {
         @for one in figures { (figure(one)) }
         @if report.has_spread() { (statistics_tables(report, objects)) }
         h2 { "Runs" }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Runs" {
             table {
                 thead { tr {
                     th { "run" } th.text { "group" } th { "seed" } th { "epochs" } th { "TC" }
@@ -46,7 +46,7 @@ pub fn runs_page(report: &RunsReport, figures: &[Figure]) -> String {
 
 fn capability_table(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup {
     html! {
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Tracking capability" {
             table {
                 thead { tr {
                     th { "group" } th { "runs" } th { "epochs" } th { "mean TC" }
@@ -63,7 +63,7 @@ fn capability_table(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup
 /// The error of every object and run, where a group has one run at most.
 fn only_errors_table(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup {
     html! {
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Tracking errors" {
             table {
                 thead { tr { th { "group" } th { "TC" } @for object in objects { th { "error " (object.name) } } } }
                 tbody { @for group in &report.groups { tr {
@@ -88,7 +88,7 @@ fn statistics_tables(report: &RunsReport, objects: &[ObjectRunsReport]) -> Marku
         h2 { "Tracking errors" }
         p { "Mean squared distance in ndc at the last epoch, after the fitted affine map. IQM: interquartile mean, trimmed \
              as in rliable (Agarwal et al., 2021), with its interval, and between the quartiles." }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Tracking errors" {
             table {
                 thead { tr {
                     th { "group" } th.text { "object" } th { "mean" } th { "variance" } th { "median" }
@@ -104,7 +104,7 @@ fn statistics_tables(report: &RunsReport, objects: &[ObjectRunsReport]) -> Marku
         @if !report.improvement.is_empty() {
             h2 { "Probability of improvement" }
             p { "How probable it is that a run of the first has a lower error than a run of the second." }
-            div.table {
+            div.table role="region" tabindex="0" aria-label="Probability of improvement" {
                 table {
                     thead { tr { th { "group" } th.text { "over" } @for object in objects { th { (object.name) } } } }
                     tbody { (improvement_rows(report)) }
@@ -225,7 +225,7 @@ fn beside(reference: &ReferenceReport, objects: &[ObjectRunsReport]) -> Markup {
         h2 { "Beside " (reference.name) }
         p { (reference.citation) ". " (reference.name) ": " (reference.setting) ". Here: " (reference.own_setting)
             ". –: no number is published, or there is no run." }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Published numbers" {
             table {
                 thead {
                     tr {
@@ -250,7 +250,7 @@ fn beside(reference: &ReferenceReport, objects: &[ObjectRunsReport]) -> Markup {
             }
         }
         @if !reference.claims.is_empty() {
-            div.table {
+            div.table role="region" tabindex="0" aria-label="Claims" {
                 table {
                     thead { tr { th { "claim" } th.text { "place" } th.text { "compared" } th.text { "here" } } }
                     tbody { @for claim in &reference.claims { (claim_row(claim)) } }
