@@ -27,6 +27,8 @@ export function showResults(session) {
   let matrix = null;
   /** @type {View | null} */
   let sequences = null;
+  /** What the cards and the sequences were last shown for. */
+  let shown = "";
 
   const rebuild = () => {
     views = [];
@@ -61,6 +63,7 @@ export function showResults(session) {
     place.hidden = session.evaluation === null;
     if (!session.evaluation) return;
     place.dataset.tc = String(session.evaluation.tc);
+    shown = display(session);
     for (const view of views) view.update();
   };
   session.addEventListener("scoring", rebuild);
@@ -72,11 +75,23 @@ export function showResults(session) {
     if (views.length > 0) update();
   });
   session.addEventListener("selection", () => {
-    if (views.length === 0) return;
+    // While the frames of a sequence go by, nothing here changes.
+    if (views.length === 0 || display(session) === shown) return;
+    shown = display(session);
     for (const view of cards) view.update();
     sequences?.update();
   });
   session.addEventListener("choice", () => {
     if (views.length > 0) matrix?.update();
   });
+}
+
+/**
+ * What is on display but for the frame in its sequence.
+ * @param {Session} session
+ */
+function display(session) {
+  const { object, frame } = session.selection;
+  const keypoints = session.objects.map((_, k) => session.keypointOf(k));
+  return [object, session.sequenceOf(frame)?.start, ...keypoints].join(" ");
 }
