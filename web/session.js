@@ -23,10 +23,14 @@ import { Score } from "./score.js";
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
+ *
+ * Fetches files that come with the page.
+ * @typedef {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title: string, note?: string },
+ *   sources: Source[] }>} FetchSources
  */
 
 /** What stays said until more files are taken. */
-const STICKY = ["nothing", "repeated", "replaced"];
+const STICKY = ["nothing", "repeated", "replaced", "example"];
 
 /** What there is one used of; of results any number, since they are compared. @type {[Slot, string | null][]} */
 const SLOTS = [
@@ -49,6 +53,8 @@ export class Session extends Score {
   runs = new Map();
   /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
   origin = null;
+  /** Fetches the data again that `origin` tells of. @type {FetchSources | null} */
+  #fetchOrigin = null;
 
   /** Over all images. @type {FrameIndex | null} */
   frames = null;
@@ -87,85 +93,98 @@ export class Session extends Score {
   // Files
 
   /**
-   * Takes files: says what each is, parses it, and goes on with what is there then.
+   * Takes files: says what each is, parses it, and goes on with what is there then. They take the place of the example.
    * @param {Source[]} sources
    */
   add(sources) {
-    return this.#change(async (alive) => {
-      for (const key of STICKY) this.problems.delete(key);
-      if (sources.length === 0) {
-        this.report("nothing", "error", "There was no file in what was dropped.");
-        return;
+    return this.#change((alive) => this.#takeAll(sources, alive, () => this.#putAwayOrigin()));
+  }
+
+  /**
+   * @param {Source[]} sources
+   * @param {() => boolean} alive
+   * @param {() => void} prepare is called before the files are taken, if any of them is of use
+   */
+  async #takeAll(sources, alive, prepare) {
+    for (const key of STICKY) this.problems.delete(key);
+    if (sources.length === 0) {
+      this.report("nothing", "error", "There was no file in what was dropped.");
+      return;
+    }
+    const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
+    if (!alive()) {
+      for (const { arrays } of found.entries) arrays?.free();
+      return;
+    }
+    this.reading = null;
+    const isUseless = isNothing(found);
+    if (!isUseless) prepare();
+    /** @type {Map<string, Source>} */
+    const replaced = new Map();
+    for (const container of found.containers) {
+      for (const image of this.#emptied(container)) replaced.set(image.path, image);
+      this.containers.push(container);
+    }
+    for (const [path, run] of found.runs) this.runs.set(path, run);
+    /** @type {Set<string>} */
+    const taken = new Set();
+    const repeated = [];
+    for (const image of found.images) {
+      if (taken.has(image.path)) {
+        repeated.push(image.path);
+        continue;
       }
-      const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
-      if (!alive()) {
-        for (const { arrays } of found.entries) arrays?.free();
-        return;
+      taken.add(image.path);
+      const before = this.images.get(image.path);
+      if (before && isSame(before, image)) continue;
+      if (before) replaced.set(image.path, before);
+      this.#takeImage(image);
+    }
+    for (const entry of found.entries) {
+      if (taken.has(entry.path)) {
+        repeated.push(entry.path);
+        entry.arrays?.free();
+        continue;
       }
-      this.reading = null;
-      /** @type {Map<string, Source>} */
-      const replaced = new Map();
-      for (const container of found.containers) {
-        for (const image of this.#emptied(container)) replaced.set(image.path, image);
-        this.containers.push(container);
-      }
-      for (const [path, run] of found.runs) this.runs.set(path, run);
-      /** @type {Set<string>} */
-      const taken = new Set();
-      const repeated = [];
-      for (const image of found.images) {
-        if (taken.has(image.path)) {
-          repeated.push(image.path);
-          continue;
-        }
-        taken.add(image.path);
-        const before = this.images.get(image.path);
-        if (before && isSame(before, image)) continue;
-        if (before) replaced.set(image.path, before);
-        this.#takeImage(image);
-      }
-      for (const entry of found.entries) {
-        if (taken.has(entry.path)) {
-          repeated.push(entry.path);
-          entry.arrays?.free();
-          continue;
-        }
-        taken.add(entry.path);
-        this.#take(entry);
-      }
-      this.#tellRepeated(repeated);
-      this.#tellReplaced(replaced);
-      const useless = found.entries.every(({ role, error }) => role === "unknown" && error === "");
-      if (found.images.length + found.runs.size === 0 && useless && found.containers.every(({ error }) => error === "")) {
-        const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
-        this.report(
-          "nothing",
-          "error",
-          `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
-            "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
-            "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
-        );
-      }
-    });
+      taken.add(entry.path);
+      this.#take(entry);
+    }
+    this.#tellRepeated(repeated);
+    this.#tellReplaced(replaced);
+    if (isUseless) {
+      const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
+      this.report(
+        "nothing",
+        "error",
+        `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
+          "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
+          "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
+      );
+    }
   }
 
   /**
    * Replaces everything by files that are still to be fetched.
-   * @param {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title: string, note?: string },
-   *   sources: Source[] }>} fetchSources
+   * @param {FetchSources} fetchSources
    */
   async open(fetchSources) {
     this.clear();
     const generation = this.#generation;
+    this.#fetchOrigin = fetchSources;
+    // Files of the user's own that come meanwhile are preferred.
+    const isWanted = () => generation === this.#generation && this.#fetchOrigin === fetchSources;
     try {
       const { manifest, sources } = await fetchSources((done, total) => {
-        if (generation === this.#generation) this.#read("Fetching", done, total);
+        if (isWanted()) this.#read("Fetching", done, total);
       });
-      if (generation !== this.#generation) return;
-      this.origin = manifest;
-      await this.add(sources);
+      await this.#change(async (alive) => {
+        if (!isWanted()) return;
+        this.origin = manifest;
+        await this.#takeAll(sources, alive, () => {});
+      });
     } catch (error) {
-      if (generation !== this.#generation) return;
+      if (!isWanted()) return;
+      this.#fetchOrigin = null;
       this.reading = null;
       this.report("fetch", "error", messageOf(error));
       this.emit("files");
@@ -255,6 +274,23 @@ export class Session extends Score {
   /** Back to the state of a fresh page. */
   clear() {
     this.#generation++;
+    this.#empty();
+    for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
+  }
+
+  /** Takes the example away for files of the user's own, and says so. */
+  #putAwayOrigin() {
+    const fetchSources = this.#fetchOrigin;
+    if (!fetchSources) return;
+    this.#empty();
+    this.report("example", "info", "Your files took the place of the example.", {
+      label: "Load the example again",
+      run: () => void this.open(fetchSources),
+    });
+  }
+
+  /** Gives everything back. */
+  #empty() {
     this.extraction?.stop("idle");
     this.#release();
     for (const entry of this.entries) {
@@ -270,6 +306,7 @@ export class Session extends Score {
     this.frameSize = undefined;
     this.problems = new Map();
     this.origin = null;
+    this.#fetchOrigin = null;
     this.frames = null;
     this.frameSources = [];
     this.join = null;
@@ -277,7 +314,6 @@ export class Session extends Score {
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
-    for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
   }
 
   /**
@@ -737,6 +773,15 @@ export class Session extends Score {
     this.reading = { what, done, total };
     this.emit("reading");
   }
+}
+
+/**
+ * Whether there is neither anything of use in files, nor anything that would be if it could be read.
+ * @param {import("./intake.js").Found} found
+ */
+function isNothing({ images, runs, entries, containers }) {
+  const isUseless = entries.every(({ role, error }) => role === "unknown" && error === "");
+  return images.length + runs.size === 0 && isUseless && containers.every(({ error }) => error === "");
 }
 
 /**

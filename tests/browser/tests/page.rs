@@ -70,6 +70,7 @@ in_every_browser! {
     the_example_is_one_click_away_and_thresholds_act_at_once
     keypoints_take_the_place_of_frames_and_checkpoint
     bad_tables_and_checkpoints_are_told_and_replaced
+    own_files_take_the_place_of_the_example
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -306,6 +307,57 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced(browser: Browser) {
     page.until("document.querySelectorAll('.card').length === 3")
         .await;
     shows(&page, &evaluation_of_the_example(), ERRORS).await;
+    page.close().await;
+}
+
+async fn own_files_take_the_place_of_the_example(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let folder = tables();
+    let [truth, keypoints, notes] = ["gt.csv", "kp.csv", "notes.pdf"].map(|name| folder.path().join(name));
+    fs::write(&notes, "no table").expect("written");
+    page.click("#try-example").await;
+    page.until_scored().await;
+    // What is of no use replaces nothing.
+    page.pick(&[&notes]).await;
+    page.until("document.querySelector('#problems [data-problem=nothing]')")
+        .await;
+    assert_eq!(
+        page.number("document.querySelectorAll('.card').length").await,
+        3.0
+    );
+
+    page.pick(&[&truth]).await;
+    page.until("document.querySelector('#problems [data-problem=example]')")
+        .await;
+    assert_eq!(
+        page.value("[...document.querySelectorAll('#files > li')].map((item) => item.dataset.path)")
+            .await,
+        serde_json::json!(["gt.csv"])
+    );
+    assert_eq!(
+        page.value("document.querySelector('#results').hidden").await,
+        true
+    );
+    // The next files join the first ones.
+    page.pick(&[&keypoints]).await;
+    page.until_scored().await;
+    let [own_truth, own_keypoints] = [&truth, &keypoints].map(|path| text(path));
+    let expected = tracklens_json(&["score", "--truth", &own_truth, "--keypoints", &own_keypoints]);
+    shows(&page, &expected, 1e-12).await;
+    assert_eq!(
+        page.value("document.querySelector('#problems [data-problem=example]')")
+            .await,
+        Value::Null
+    );
+
+    // And back.
+    page.click("#try-example").await;
+    page.until("document.querySelectorAll('.card').length === 3")
+        .await;
+    page.pick(&[&truth]).await;
+    page.click("#problems [data-problem=example] button.link").await;
+    page.until("document.querySelectorAll('.card').length === 3")
+        .await;
     page.close().await;
 }
 
