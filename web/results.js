@@ -31,11 +31,13 @@ export function showResults(session) {
   let shown = "";
 
   const rebuild = () => {
+    const wasShown = views.length > 0;
     views = [];
     if (!session.evaluation) {
       place.hidden = true;
       fill(place);
       delete place.dataset.tc;
+      if (wasShown) announce("There is no score any more.");
       return;
     }
     const summary = summaryView(session);
@@ -61,7 +63,10 @@ export function showResults(session) {
   };
   const update = () => {
     place.hidden = session.evaluation === null;
-    if (!session.evaluation) return;
+    if (!session.evaluation) {
+      delete place.dataset.tc;
+      return;
+    }
     place.dataset.tc = String(session.evaluation.tc);
     shown = display(session);
     for (const view of views) view.update();

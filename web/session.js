@@ -346,18 +346,35 @@ export class Session extends Score {
   }
 
   /**
-   * What a score needs, and whether it is there.
-   * @returns {{ label: string, met: boolean }[]}
+   * What a score needs, whether it is there, and the files that would be it if they could be used.
+   * @returns {{ label: string, met: boolean, broken: Entry[] }[]}
    */
   get needs() {
     const parts = [this.truth, this.frames, this.encoder, this.used("keypoints")];
     // A saved evaluation is a score.
     if (this.used("result") && parts.every((part) => part === null)) return [];
-    const truth = { label: "ground truth", met: this.truth !== null };
-    if (this.used("keypoints")) return [{ label: "keypoints", met: true }, truth];
-    const images = { label: "image sequences", met: this.frames !== null };
-    const checkpoint = { label: "checkpoint (or keypoints)", met: this.encoder !== null };
-    return [images, truth, checkpoint];
+    const need = (/** @type {string} */ label, /** @type {boolean} */ met, /** @type {Slot[]} */ ...roles) => {
+      const isBroken = (/** @type {Entry} */ { state, role }) => state === "broken" && roles.some((each) => each === role);
+      return { label, met, broken: met ? [] : this.entries.filter(isBroken) };
+    };
+    const truth = need("ground truth", this.truth !== null, "ground-truth");
+    if (this.used("keypoints")) return [need("keypoints", true), truth];
+    const images = need("image sequences", this.frames !== null);
+    return [images, truth, need("checkpoint (or keypoints)", this.encoder !== null, "checkpoint", "keypoints")];
+  }
+
+  /** What cannot be used, and why, as far as the user has not put that away. @returns {(Entry | Container)[]} */
+  get broken() {
+    return [...this.entries, ...this.containers].filter(({ error }) => error !== "");
+  }
+
+  /**
+   * Puts away why a file cannot be used.
+   * @param {string} path
+   */
+  dismissError(path) {
+    for (const file of this.broken) if (file.path === path) file.error = "";
+    this.emit("files");
   }
 
   // Extraction

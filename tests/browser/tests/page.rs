@@ -71,6 +71,7 @@ in_every_browser! {
     keypoints_take_the_place_of_frames_and_checkpoint
     bad_tables_and_checkpoints_are_told_and_replaced
     own_files_take_the_place_of_the_example
+    what_is_wrong_stands_over_the_results_and_goes_with_its_cause
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -358,6 +359,49 @@ async fn own_files_take_the_place_of_the_example(browser: Browser) {
     page.click("#problems [data-problem=example] button.link").await;
     page.until("document.querySelectorAll('.card').length === 3")
         .await;
+    page.close().await;
+}
+
+async fn what_is_wrong_stands_over_the_results_and_goes_with_its_cause(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let folder = tables();
+    let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
+    let good = fs::read_to_string(&truth).expect("a table");
+    let problem = "document.querySelector('#problems [data-problem=\"broken gt.csv\"]')";
+    let write_broken = || fs::write(&truth, good.replacen("cube,", "cube,abc", 1)).expect("written");
+
+    write_broken();
+    page.pick(&[&truth, &keypoints]).await;
+    page.until(&format!("{problem}?.textContent.includes('line 2')"))
+        .await;
+    page.until("document.querySelector('#missing').textContent.includes('gt.csv cannot be used')")
+        .await;
+    page.value(&format!("{problem}.querySelector('button.link').click()"))
+        .await;
+    assert_eq!(page.value("document.activeElement.dataset.path").await, "gt.csv");
+
+    fs::write(&truth, &good).expect("written");
+    page.pick(&[&truth]).await;
+    page.until_scored().await;
+    page.until(&format!("!{problem}")).await;
+    page.until("document.querySelector('#status').textContent.startsWith('Tracking capability')")
+        .await;
+
+    // A score that is gone leaves nothing behind that says it is there.
+    write_broken();
+    page.pick(&[&truth]).await;
+    page.until(&format!("{problem}?.getAttribute('role') === 'alert'"))
+        .await;
+    page.until(
+        "document.querySelector('#results').hidden && document.querySelector('#results').dataset.tc === undefined && \
+         !document.querySelector('#status').textContent.startsWith('Tracking capability')",
+    )
+    .await;
+    page.value(&format!(
+        "{problem}.querySelector('[aria-label=Dismiss]').click()"
+    ))
+    .await;
+    page.until(&format!("!{problem}")).await;
     page.close().await;
 }
 
