@@ -186,7 +186,8 @@ function entryItem(session, entry) {
   const role = ROLES[entry.role];
   const isResult = entry.role === "result";
   const isIdle = entry.state === "spare" || (isResult && entry.state === "used" && session.savedIn !== entry);
-  const title = isIdle ? `${role.title}, not ${isResult ? "shown" : "used"}` : role.title;
+  const idle = isResult ? "not shown" : session.isCompared(entry) ? "compared" : "not used";
+  const title = isIdle ? `${role.title}, ${idle}` : role.title;
   const contents = describe(entry);
   const data = { state: entry.state, path: entry.path };
   const remove = removeButton(baseName(entry.path), () => void session.remove(entry));
@@ -206,7 +207,7 @@ function entryItem(session, entry) {
       h(
         "button",
         { type: "button", class: "link", onclick: () => void session.use(entry) },
-        isResult ? "Show this one" : "Use this one",
+        isResult || session.isCompared(entry) ? "Show this one" : "Use this one",
       ),
     entry.error !== "" &&
       notice("error", entry.error, { isQuiet: true, dismiss: () => session.dismissError(entry.path) }),

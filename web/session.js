@@ -647,10 +647,31 @@ export class Session extends Score {
     const spare = candidates.find((entry) => entry !== used);
     if (!spare || many === null) return;
     const all = names(candidates.map(({ path }) => path));
-    const text = `There are ${candidates.length} ${many}: ${all}. Only one can be used: ${used.path} is.`;
+    const text = `There are ${candidates.length} ${many}: ${all}. ${this.#useOfSeveral(used, candidates)}`;
     if (this.#dismissed.has(text)) return;
-    const action = { label: `Use ${spare.path} instead`, run: () => void this.use(spare) };
-    this.report(`several-${role}`, "warning", text, action);
+    const isCompared = this.isCompared(spare);
+    const action = { label: `${isCompared ? "Show" : "Use"} ${spare.path} instead`, run: () => void this.use(spare) };
+    this.report(`several-${role}`, isCompared ? "info" : "warning", text, action);
+  }
+
+  /**
+   * @param {Entry} used
+   * @param {Entry[]} all
+   */
+  #useOfSeveral(used, all) {
+    if (!this.isCompared(used)) return `Only one can be used: ${used.path} is.`;
+    const whole = all.length === 2 ? "both" : "all of them";
+    const condition = used.role === "checkpoint" ? ", each once its keypoints are extracted" : "";
+    return `The results are those of ${used.path}; ${whole} are compared under “Runs side by side”${condition}.`;
+  }
+
+  /**
+   * Whether a file is a detector that can be scored on what is here, and so is compared with the others.
+   * @param {Entry} entry
+   */
+  isCompared({ role, content }) {
+    if (!this.truth || !content) return false;
+    return role === "keypoints" || (role === "checkpoint" && this.frames !== null);
   }
 
   #joinFrames() {
