@@ -91,7 +91,23 @@ function showList(session) {
       ]),
     );
   }
-  fill(byId("files"), ...items);
+  const place = byId("files");
+  const focused = place.contains(document.activeElement) ? document.activeElement : null;
+  fill(place, ...items);
+  if (focused) focusAgain(place, focused);
+}
+
+/**
+ * Gives the focus to the control that took the place of another one.
+ * @param {HTMLElement} place
+ * @param {Element} before
+ */
+function focusAgain(place, before) {
+  const name = before.getAttribute("name");
+  const path = before.closest("li")?.dataset.path;
+  if (!name || !path) return;
+  const item = [...place.querySelectorAll("li")].find(({ dataset }) => dataset.path === path);
+  /** @type {HTMLElement | null | undefined} */ (item?.querySelector(`[name="${name}"]`))?.focus();
 }
 
 /**
@@ -197,6 +213,7 @@ function entryItem(session, entry) {
     entry.reason && h("p", { class: "file-reason" }, ...prose(entry.reason)),
     contents && h("p", { class: "file-reason" }, contents),
     entry.notices.length > 0 && noticeList(entry.notices),
+    takesSize(session, entry) && sizeField(session, entry),
     entry.state !== "new" && !isResult && corrections(session, entry),
     isResult &&
       isIdle &&
@@ -212,6 +229,51 @@ function entryItem(session, entry) {
     entry.error !== "" &&
       notice("error", entry.error, { isQuiet: true, dismiss: () => session.dismissError(entry.path) }),
   ]);
+}
+
+/**
+ * Whether the size of the images is asked for at a file: its positions are in pixels, and no image says it.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function takesSize({ frameSize, saidSize }, { content, lacksSize }) {
+  if (frameSize) return false;
+  return lacksSize || (saidSize !== undefined && isTable(content) && content.reading.space.value === "px");
+}
+
+/**
+ * Width and height of images that are not here.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function sizeField(session, { path }) {
+  const hint = h("span", { class: "hint", role: "status" });
+  const side = (/** @type {"width" | "height"} */ name, /** @type {number | undefined} */ value) =>
+    h("input", {
+      type: "number",
+      name: `image-${name}`,
+      min: "1",
+      step: "1",
+      inputMode: "numeric",
+      "aria-label": `Image ${name} in pixels, for ${baseName(path)}`,
+      value: value === undefined ? "" : String(value),
+      onchange: () => take(),
+    });
+  const [width, height] = [side("width", session.saidSize?.[0]), side("height", session.saidSize?.[1])];
+  const take = () => {
+    const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
+    const isEmpty = width.value === "" || height.value === "";
+    const isValid = size.every((pixels) => Number.isInteger(pixels) && pixels > 0);
+    hint.textContent = isEmpty || isValid ? "" : "Expected whole numbers of pixels above 0.";
+    if (isValid) void session.setImageSize(size);
+  };
+  return h(
+    "fieldset",
+    { class: "image-size" },
+    h("legend", {}, "Size of the images"),
+    h("span", { class: "image-size-sides" }, width, "×", height, "px"),
+    hint,
+  );
 }
 
 function guessMark() {

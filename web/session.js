@@ -10,7 +10,7 @@ import { Extraction } from "./extraction.js";
 import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
 import { decodeImage } from "./image-cache.js";
-import { identify, isTable, needsParsing, parseTable } from "./intake.js";
+import { identify, isReadWithSize, isTable, needsParsing, parseTable } from "./intake.js";
 import { SavedEvaluation } from "./saved.js";
 import { Score } from "./score.js";
 
@@ -32,7 +32,11 @@ import { Score } from "./score.js";
 /** What stays said until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced", "example"];
 
-/** What there is one used of; of results any number, since they are compared. @type {[Slot, string | null][]} */
+const LACKS_SIZE =
+  "its positions are in pixels, and the size of the images is not known. Enter it at the file in the list, or add the images; " +
+  "or choose ndc there, if that is their unit.";
+
+/** What there is one used of, with what several of them are called; of results any number is shown. @type {[Slot, string | null][]} */
 const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
@@ -62,6 +66,8 @@ export class Session extends Score {
   frameSources = [];
   /** Width and height of the first image, when it can be decoded. @type {[number, number] | undefined} */
   frameSize = undefined;
+  /** What the user says of the size of images that are not here. @type {[number, number] | undefined} */
+  saidSize = undefined;
   /** @type {JoinReport | null} */
   join = null;
 
@@ -223,6 +229,16 @@ export class Session extends Score {
     });
   }
 
+  /**
+   * Reads positions in pixels as those of images of this size, where there are no images that tell it.
+   * @param {[number, number] | undefined} size
+   */
+  setImageSize(size) {
+    return this.#change(async () => {
+      this.saidSize = size;
+    });
+  }
+
   /** @param {Entry} entry */
   remove(entry) {
     return this.#change(async () => this.#drop(entry));
@@ -304,6 +320,7 @@ export class Session extends Score {
     this.containers = [];
     this.runs = new Map();
     this.frameSize = undefined;
+    this.saidSize = undefined;
     this.problems = new Map();
     this.origin = null;
     this.#fetchOrigin = null;
@@ -443,7 +460,8 @@ export class Session extends Score {
   async #parse(entry) {
     const { role, source, path, wanted } = entry;
     entry.content?.free();
-    Object.assign(entry, { content: null, extraction: null, error: "", imageSize: this.frameSize });
+    const size = this.#tableSize;
+    Object.assign(entry, { content: null, extraction: null, error: "", lacksSize: false, imageSize: size });
     if (role === "unknown") {
       entry.state = "unknown";
       return;
@@ -456,7 +474,7 @@ export class Session extends Score {
       } else if (role === "result") {
         entry.content = await SavedEvaluation.parse(source);
       } else {
-        const table = await parseTable(entry, this.frameSize);
+        const table = await parseTable(entry, size);
         entry.content = table;
         entry.notices = table.notices;
       }
@@ -464,9 +482,15 @@ export class Session extends Score {
       if (wanted) this.#prefer(entry);
     } catch (error) {
       entry.state = "broken";
-      entry.error = readError(error, path);
+      entry.lacksSize = !size && (await isReadWithSize(entry));
+      entry.error = entry.lacksSize ? `${path}: ${LACKS_SIZE}` : readError(error, path);
     }
     entry.wanted = false;
+  }
+
+  /** The size of the images that positions in pixels belong to. */
+  get #tableSize() {
+    return this.frameSize ?? this.saidSize;
   }
 
   /**
@@ -474,7 +498,7 @@ export class Session extends Score {
    * @param {() => boolean} alive
    */
   async #parseEntries(alive) {
-    const pending = this.entries.filter((entry) => needsParsing(entry, this.frameSize));
+    const pending = this.entries.filter((entry) => needsParsing(entry, this.#tableSize));
     if (pending.length === 0) return;
     this.#release();
     for (const [i, entry] of pending.entries()) {
@@ -773,7 +797,8 @@ export class Session extends Score {
       return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
     }
     // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are left out then.
-    return pictures.some((picture) => picture !== null) && this.frameSize ? [this.frameSize] : [];
+    const size = pictures.some((picture) => picture !== null) ? this.frameSize : this.saidSize;
+    return size ? [size] : [];
   }
 
   async #run() {
