@@ -41,7 +41,7 @@ pre { padding: .75rem 1rem; border: 1px solid var(--line); border-radius: 8px; w
   font: .875rem/1.5 ui-monospace, monospace; }
 figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
 @media screen and (max-width: 33rem) {
-  figure .plate::before { content: \"Wider than the screen: scroll sideways →\"; display: block; position: sticky; left: 0;
+  figure .plate::before { content: \"Scroll sideways →\"; display: block; position: sticky; left: 0;
     width: fit-content; padding: 0 .25rem .25rem; color: var(--soft); font-size: .8125rem; }
   figure .white::before { color: #56606b; }
 }
