@@ -423,7 +423,6 @@ export class Score extends EventTarget {
   /** Scores as on the first visit. */
   #scoreByDefault() {
     Object.assign(this.options, DEFAULTS, { thresholds: {} });
-    Object.assign(this.resampling, { folds: 0, intervals: false });
     this.#remember();
     this.#evaluate();
     this.emit("scoring");
@@ -445,7 +444,10 @@ export class Score extends EventTarget {
       this.evaluation = null;
       this.report("evaluation", "error", messageOf(error), {
         label: "Score with the defaults",
-        run: () => this.#scoreByDefault(),
+        run: () => {
+          Object.assign(this.resampling, { folds: 0, intervals: false });
+          this.#scoreByDefault();
+        },
       });
       this.emit("files");
     }
