@@ -146,6 +146,18 @@ fn thresholds_transforms_and_ranks_are_taken() {
     for (more, expected) in [
         (["--threshold", "cube"], "expected NAME=VALUE"),
         (["--threshold", "cube=-1"], "expected NAME=VALUE"),
+        (["--threshold", "cube=-1"], "the threshold of `cube` is -1"),
+        (["--threshold", "cube=0"], "with a number above 0"),
+        (["--threshold", "cube=small"], "`small`, which is no number"),
+        (
+            ["--threshold", "cube=1,eef=2"],
+            "`cube=1,eef=2` gives more than one threshold",
+        ),
+        (
+            ["--report", "report.pdf"],
+            "expected a name that ends in .html or .htm",
+        ),
+        (["--tresholds", "cube=1"], "'--threshold'"),
         (
             ["--transform", "projective"],
             "expected one of identity, scale-translate, affine",
@@ -410,6 +422,22 @@ fn eval_equals_extract_and_then_score() {
 }
 
 #[test]
+fn keypoints_can_go_to_the_standard_output() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("kp.csv").to_string_lossy().into_owned();
+    assert!(extract(&frames(), &file).status.success());
+    let piped = extract(&frames(), "-");
+    assert!(piped.status.success(), "{}", stderr(&piped));
+    assert_eq!(piped.stdout, std::fs::read(&file).expect("a table"));
+    assert!(
+        stderr(&piped).contains("written to the standard output"),
+        "{}",
+        stderr(&piped)
+    );
+    assert!(!Path::new("-").exists());
+}
+
+#[test]
 fn bad_frames_are_named_or_counted() {
     let folder = tempfile::tempdir().expect("a folder");
     let sequence = folder.path().join("seq_0");
@@ -634,6 +662,11 @@ mod train {
         assert_eq!(unknown.status.code(), Some(2));
         assert!(
             stderr(&unknown).contains("unknown architecture `basic-bg-vel`"),
+            "{}",
+            stderr(&unknown)
+        );
+        assert!(
+            stderr(&unknown).contains("did you mean `basic-"),
             "{}",
             stderr(&unknown)
         );
@@ -931,14 +964,14 @@ fn inspect_says_what_is_there_and_what_does_not_fit() {
         "--quiet",
         &format("record.hdf5"),
     ]));
-    assert_eq!(found["schema"], "tracklens/data/1");
+    assert_eq!(found["schema"], "tracklens/data/2");
     assert_eq!(
         (found["frames"].as_u64(), found["sequences"].as_u64()),
         (Some(15), Some(3))
     );
     assert_eq!(found["sizes"]["16x16"], 15);
     assert_eq!(found["pixels"][0], "float");
-    let truth = &found["groundTruth"];
+    let truth = &found["ground_truth"];
     assert_eq!(truth["objects"][0]["name"], "cube");
     assert_eq!(truth["objects"][4]["name"], "eef");
     assert_eq!(truth["objects"][4]["visible"], 15);
@@ -953,12 +986,12 @@ fn inspect_says_what_is_there_and_what_does_not_fit() {
     std::fs::write(frame.join("frame_002.png"), b"no image").expect("written");
     std::fs::copy(frame.join("frame_000.png"), frame.join("frame_009.png")).expect("copied");
     let found = json(&tracklens(&["data", "inspect", "--quiet", out]));
-    assert_eq!(found["sequenceLengths"], serde_json::json!([5, 6]));
+    assert_eq!(found["sequence_lengths"], serde_json::json!([5, 6]));
     assert_eq!(found["pixels"], serde_json::json!(["8-bit"]));
     let unreadable = found["unreadable"].as_array().expect("a list");
     assert_eq!(unreadable.len(), 1);
     assert!(unreadable[0].as_str().expect("text").contains("frame_002.png"));
-    assert_eq!(found["groundTruth"]["join"]["unmatchedFrames"]["count"], 1);
+    assert_eq!(found["ground_truth"]["join"]["unmatched_frames"]["count"], 1);
 }
 
 #[test]

@@ -162,6 +162,18 @@ fn what_cannot_be_converted_or_inspected_is_told() {
         "the ending `.onnx` names no format to convert to; expected .safetensors, .pth or .bpk",
     );
     expect(&to("weights"), 3, "the ending `.` names no format");
+    let export = |name: &str| {
+        let model = folder.path().join(name);
+        tracklens(&[
+            "export".as_ref(),
+            "--checkpoint".as_ref(),
+            original.as_os_str(),
+            "--onnx".as_ref(),
+            model.as_os_str(),
+        ])
+    };
+    expect(&export("w.pt"), 2, "ends in .pt");
+    expect(&export("w"), 2, "has no ending");
     expect(&to("none/w.pth"), 1, "lies in no folder that exists");
     assert_eq!(
         std::fs::read_dir(folder.path()).expect("a folder").count(),
@@ -180,6 +192,23 @@ fn what_cannot_be_converted_or_inspected_is_told() {
         "cut.pth: not a complete .pth file",
     );
     expect(&tracklens(&["inspect", "/nowhere.pth"]), 1, "/nowhere.pth: ");
+}
+
+#[test]
+fn a_checkpoint_is_not_converted_over_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let own = folder.path().join("w.safetensors");
+    std::fs::copy(data("golden/dsae-tiny.safetensors"), &own).expect("copied");
+    let before = std::fs::read(&own).expect("a checkpoint");
+    let other_name = folder.path().join("./w.safetensors");
+    let output = convert(&own, &other_name);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(
+        stderr(&output).contains("is the checkpoint that is read; expected another file to write"),
+        "{}",
+        stderr(&output)
+    );
+    assert_eq!(std::fs::read(&own).expect("a checkpoint"), before);
 }
 
 /// Systems promise more memory than they have, so the program would be ended without a word.

@@ -142,6 +142,34 @@ fn image(path: &Path) -> usize {
 }
 
 #[test]
+fn groups_of_one_run_have_errors_and_no_statistics() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    for architecture in ["basic", "keynet-vel-std-bg"] {
+        write_run(&runs.join(architecture), architecture, 0, 4);
+    }
+    let done = report(&[&text(&runs), "--out", &text(&out)]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let page = fs::read_to_string(out.join("report.html")).expect("a page");
+    let markdown = fs::read_to_string(out.join("report.md")).expect("a report");
+    for name in ["variance", "IQM", "quartiles", "Probability of improvement"] {
+        assert!(
+            !page.contains(&format!("<th>{name}")) && !markdown.contains(&format!("| {name}")),
+            "{name}"
+        );
+    }
+    // The keynet's cube is up to its threshold, the basic one's is not.
+    let [basic, keynet] = ["basic", "keynet-vel-std-bg"].map(|name| format!("{:.4}", error(name, 0, 0)));
+    assert!(markdown.contains(&format!("| {basic} |")), "{markdown}");
+    assert!(markdown.contains(&format!("| {keynet} ✓ |")), "{markdown}");
+    assert!(
+        page.contains(&format!("<td class=\"good\">{keynet} ✓</td>")),
+        "{page}"
+    );
+    assert!(!out.join("tracking-capability.svg").exists() && out.join("boxplots.svg").exists());
+}
+
+#[test]
 fn what_does_not_count_is_said() {
     let folder = tempfile::tempdir().expect("a folder");
     let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));

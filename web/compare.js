@@ -4,6 +4,7 @@
 import { announce, byId, fill, h, icon, notice } from "./dom.js";
 import { save } from "./download.js";
 import { baseName, count, fixed, integer, significant } from "./format.js";
+import { scrollRegion } from "./scroll-region.js";
 
 /**
  * @typedef {import("./comparison.js").RunsComparison} RunsComparison
@@ -154,19 +155,49 @@ function notices(comparison, set, report) {
  * @param {{ column: number, down: boolean }} order
  */
 function compared(compared, report, order) {
+  // Of groups with one run each, statistics over runs say nothing that the errors do not.
+  const hasSpread = report.groups.some((group) => group.complete > 1);
   return [
-    h(
-      "div",
-      { class: "panel" },
-      h("h3", {}, "Tracking capability"),
-      h("p", { class: "hint-line" }, `The share of runs whose error is at most the threshold. Small figures: ${report.intervals}.`),
-      capabilityTable(report),
-      h("h3", {}, "Tracking errors"),
-      h("p", { class: "hint-line" }, "Mean squared distance in ndc. IQM: interquartile mean, trimmed as in rliable, and between the quartiles."),
-      errorTable(report),
-    ),
+    h("div", { class: "panel" }, ...(hasSpread ? statistics(report) : onlyErrors(report))),
     h("div", { class: "panel comparison-figures" }, ...compared.figures.map((each) => figureView(each))),
     h("div", { class: "panel" }, h("h3", {}, "Runs"), runTable(report, order), downloads(compared, report)),
+  ];
+}
+
+/** @param {RunsReport} report */
+function statistics(report) {
+  return [
+    h("h3", {}, "Tracking capability"),
+    h("p", { class: "hint-line" }, `The share of runs whose error is at most the threshold. Small figures: ${report.intervals}.`),
+    capabilityTable(report),
+    h("h3", {}, "Tracking errors"),
+    h("p", { class: "hint-line" }, "Mean squared distance in ndc. IQM: interquartile mean, trimmed as in rliable, and between the quartiles."),
+    errorTable(report),
+  ];
+}
+
+/**
+ * The error of every object and detector, where a group has one run at most.
+ * @param {RunsReport} report
+ */
+function onlyErrors(report) {
+  const objects = report.groups[0]?.objects ?? [];
+  const thresholds = objects.map(({ name, threshold }) => `${name} ${threshold}`).join(", ");
+  const cell = (/** @type {number | null | undefined} */ error, /** @type {number} */ threshold) =>
+    error !== null && error !== undefined && error <= threshold
+      ? h("span", { class: "good" }, `${significant(error)} ✓`, h("span", { class: "visually-hidden" }, " tracked"))
+      : significant(error);
+  return [
+    h("h3", {}, "Tracking errors"),
+    h("p", { class: "hint-line" }, `Mean squared distance in ndc; ✓ tracked: at most the threshold (${thresholds}). Every group has one run at most, so there are no statistics over runs.`),
+    table("only-errors-table", "Tracking errors by detector and object", [
+      ["Group", "TC", ...objects.map(({ name }) => name)],
+      ...report.groups.map(({ name, tc, runs }) => [
+        name,
+        tc === null ? NONE : fixed(tc),
+        ...objects.map(({ threshold }, k) => cell(runs[0]?.errors[k], threshold)),
+      ]),
+    ]),
   ];
 }
 
@@ -228,16 +259,13 @@ function errorTable(report) {
 function table(id, caption, [header, ...rows]) {
   const cells = (/** @type {(import("./dom.js").Child | import("./dom.js").Child[])[]} */ row) =>
     row.map((cell, i) => (i === 0 ? h("th", { scope: "row" }, ...[cell].flat()) : h("td", {}, ...[cell].flat())));
-  return h(
-    "div",
-    { class: "table-scroll", tabindex: "0", role: "region", "aria-label": caption },
-    h(
-      "table",
-      { id, class: "runs-table" },
-      h("thead", {}, h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat())))),
-      h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row)))),
-    ),
+  const element = h(
+    "table",
+    { id, class: "runs-table" },
+    h("thead", {}, h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat())))),
+    h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row)))),
   );
+  return scrollRegion(h("div", { class: "table-scroll" }, element), caption);
 }
 
 /**
@@ -310,11 +338,8 @@ function runTable(report, order) {
     );
   };
   sort();
-  return h(
-    "div",
-    { class: "table-scroll tall", tabindex: "0", role: "region", "aria-label": "Runs" },
-    h("table", { id: "run-table", class: "runs-table" }, h("thead", {}, h("tr", {}, ...headers)), body),
-  );
+  const element = h("table", { id: "run-table", class: "runs-table" }, h("thead", {}, h("tr", {}, ...headers)), body);
+  return scrollRegion(h("div", { class: "table-scroll tall" }, element), "Runs");
 }
 
 /** @param {Figure} figure */
@@ -334,7 +359,7 @@ function figureView({ name, caption, svg }) {
   return h(
     "figure",
     { data: { figure: name } },
-    h("div", { class: "table-scroll", tabindex: "0", role: "group", "aria-label": name }, picture),
+    scrollRegion(h("div", { class: "table-scroll" }, picture), name),
     h(
       "figcaption",
       {},

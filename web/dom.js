@@ -78,12 +78,13 @@ export function byId(id) {
  * A message with its remedy.
  * @param {"error" | "warning" | "info"} kind
  * @param {string} text
- * @param {{ action?: { label: string, run: () => void }, dismiss?: () => void, class?: string }} [options]
+ * @param {{ action?: { label: string, run: () => void }, dismiss?: () => void, class?: string, isQuiet?: boolean }} [options]
+ *   `isQuiet`: an error that is said elsewhere, too
  */
-export function notice(kind, text, { action, dismiss, class: extra } = {}) {
+export function notice(kind, text, { action, dismiss, class: extra, isQuiet = false } = {}) {
   return h(
     "div",
-    { class: extra ? `notice ${extra}` : "notice", data: { kind }, role: kind === "error" ? "alert" : null },
+    { class: extra ? `notice ${extra}` : "notice", data: { kind }, role: kind === "error" && !isQuiet ? "alert" : null },
     icon(kind === "info" ? "icon-info" : "icon-warning"),
     h(
       "div",

@@ -18,6 +18,7 @@ import { virtualList } from "./virtual-list.js";
 
 const LISTED_UNKNOWN = 5;
 const LISTED_PROBLEMS = 3;
+const LISTED_BROKEN = 3;
 /** Height of a row in a list of sequences, in rem. */
 const ROW = 2;
 
@@ -90,7 +91,23 @@ function showList(session) {
       ]),
     );
   }
-  fill(byId("files"), ...items);
+  const place = byId("files");
+  const focused = place.contains(document.activeElement) ? document.activeElement : null;
+  fill(place, ...items);
+  if (focused) focusAgain(place, focused);
+}
+
+/**
+ * Gives the focus to the control that took the place of another one.
+ * @param {HTMLElement} place
+ * @param {Element} before
+ */
+function focusAgain(place, before) {
+  const name = before.getAttribute("name");
+  const path = before.closest("li")?.dataset.path;
+  if (!name || !path) return;
+  const item = [...place.querySelectorAll("li")].find(({ dataset }) => dataset.path === path);
+  /** @type {HTMLElement | null | undefined} */ (item?.querySelector(`[name="${name}"]`))?.focus();
 }
 
 /**
@@ -146,7 +163,7 @@ function containerItem(session, container) {
     h("p", { class: "file-name", title: path }, baseName(path)),
     contents && h("p", { class: "file-reason" }, contents),
     problems.length > 0 && noticeList([...problems.slice(0, LISTED_PROBLEMS), ...more]),
-    error && notice("error", error),
+    error && notice("error", error, { isQuiet: true }),
   ]);
 }
 
@@ -185,7 +202,8 @@ function entryItem(session, entry) {
   const role = ROLES[entry.role];
   const isResult = entry.role === "result";
   const isIdle = entry.state === "spare" || (isResult && entry.state === "used" && session.savedIn !== entry);
-  const title = isIdle ? `${role.title}, not ${isResult ? "shown" : "used"}` : role.title;
+  const idle = isResult ? "not shown" : session.isCompared(entry) ? "compared" : "not used";
+  const title = isIdle ? `${role.title}, ${idle}` : role.title;
   const contents = describe(entry);
   const data = { state: entry.state, path: entry.path };
   const remove = removeButton(baseName(entry.path), () => void session.remove(entry));
@@ -195,6 +213,7 @@ function entryItem(session, entry) {
     entry.reason && h("p", { class: "file-reason" }, ...prose(entry.reason)),
     contents && h("p", { class: "file-reason" }, contents),
     entry.notices.length > 0 && noticeList(entry.notices),
+    takesSize(session, entry) && sizeField(session, entry),
     entry.state !== "new" && !isResult && corrections(session, entry),
     isResult &&
       isIdle &&
@@ -205,16 +224,56 @@ function entryItem(session, entry) {
       h(
         "button",
         { type: "button", class: "link", onclick: () => void session.use(entry) },
-        isResult ? "Show this one" : "Use this one",
+        isResult || session.isCompared(entry) ? "Show this one" : "Use this one",
       ),
     entry.error !== "" &&
-      notice("error", entry.error, {
-        dismiss: () => {
-          entry.error = "";
-          showList(session);
-        },
-      }),
+      notice("error", entry.error, { isQuiet: true, dismiss: () => session.dismissError(entry.path) }),
   ]);
+}
+
+/**
+ * Whether the size of the images is asked for at a file: its positions are in pixels, and no image says it.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function takesSize({ frameSize, saidSize }, { content, lacksSize }) {
+  if (frameSize) return false;
+  return lacksSize || (saidSize !== undefined && isTable(content) && content.reading.space.value === "px");
+}
+
+/**
+ * Width and height of images that are not here.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function sizeField(session, { path }) {
+  const hint = h("span", { class: "hint", role: "status" });
+  const side = (/** @type {"width" | "height"} */ name, /** @type {number | undefined} */ value) =>
+    h("input", {
+      type: "number",
+      name: `image-${name}`,
+      min: "1",
+      step: "1",
+      inputMode: "numeric",
+      "aria-label": `Image ${name} in pixels, for ${baseName(path)}`,
+      value: value === undefined ? "" : String(value),
+      onchange: () => take(),
+    });
+  const [width, height] = [side("width", session.saidSize?.[0]), side("height", session.saidSize?.[1])];
+  const take = () => {
+    const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
+    const isEmpty = width.value === "" || height.value === "";
+    const isValid = size.every((pixels) => Number.isInteger(pixels) && pixels > 0);
+    hint.textContent = isEmpty || isValid ? "" : "Expected whole numbers of pixels above 0.";
+    if (isValid) void session.setImageSize(size);
+  };
+  return h(
+    "fieldset",
+    { class: "image-size" },
+    h("legend", {}, "Size of the images"),
+    h("span", { class: "image-size-sides" }, width, "×", height, "px"),
+    hint,
+  );
 }
 
 function guessMark() {
@@ -392,35 +451,91 @@ function showMissing(session) {
     h(
       "ul",
       { class: "needs" },
-      ...needs.map(({ label, met }) =>
+      ...needs.map(({ label, met, broken }) =>
         h(
           "li",
-          { data: { met: String(met) } },
-          icon(met ? "icon-check" : "icon-none"),
-          h("span", {}, label, h("span", { class: "visually-hidden" }, met ? ": there" : ": missing")),
+          { data: { met: String(met), broken: String(broken.length) } },
+          icon(met ? "icon-check" : broken.length > 0 ? "icon-cross" : "icon-none"),
+          h(
+            "span",
+            {},
+            label,
+            h("span", { class: "visually-hidden" }, met ? ": there" : ": missing"),
+            broken.length > 0 && h("span", { class: "needs-broken" }, ` ${names(broken.map(({ path }) => baseName(path)))} cannot be used`),
+          ),
         ),
       ),
     ),
   );
 }
 
-/** @param {Session} session */
+/**
+ * What is wrong, over everything else: of the session, and of the files that cannot be used.
+ * @param {Session} session
+ */
 function showProblems(session) {
   const place = byId("problems");
   // A problem that stays keeps its element, so that it is not announced again.
   const before = new Map(
-    Array.from(place.children, (child) => [/** @type {HTMLElement} */ (child).dataset.text, child]),
+    Array.from(place.children, (child) => {
+      const { problem, text } = /** @type {HTMLElement} */ (child).dataset;
+      return [`${problem} ${text}`, child];
+    }),
   );
-  const elements = Array.from(session.problems, ([key, { kind, text, action }]) => {
-    const dismiss = () => session.dismiss(key);
-    const element = before.get(text) ?? notice(kind, text, { action, dismiss });
-    /** @type {HTMLElement} */ (element).dataset.text = text;
-    /** @type {HTMLElement} */ (element).dataset.problem = key;
+  const elements = problemsOf(session).map(({ key, kind, text, action, dismiss }) => {
+    const known = before.get(`${key} ${text}`);
+    const element = known ?? notice(kind, text, { action, dismiss });
+    // An error is an alert, which speaks for itself.
+    if (!known && kind !== "error") announce(text);
+    Object.assign(/** @type {HTMLElement} */ (element).dataset, { problem: key, text });
     return element;
   });
   if (elements.length !== place.children.length || elements.some((element, i) => element !== place.children[i])) {
     fill(place, ...elements);
   }
+}
+
+/**
+ * @param {Session} session
+ * @returns {(import("./score.js").Problem & { key: string, dismiss?: () => void })[]}
+ */
+function problemsOf(session) {
+  const { broken } = session;
+  const left = broken.length - LISTED_BROKEN;
+  return [
+    ...Array.from(session.problems, ([key, problem]) => ({ key, ...problem, dismiss: () => session.dismiss(key) })),
+    ...broken.slice(0, LISTED_BROKEN).map((file) => ({
+      key: `broken ${file.path}`,
+      kind: /** @type {const} */ ("error"),
+      text: file.error,
+      action: { label: `Show ${baseName(file.path)} among the files`, run: () => showFile(file.path) },
+      dismiss: () => session.dismissError(file.path),
+    })),
+    ...(left > 0
+      ? [
+          {
+            key: "broken",
+            kind: /** @type {const} */ ("error"),
+            text: `${count(left, "more file")} cannot be used; the list of files says why.`,
+            action: { label: "Show the files", run: () => byId("files-title").focus() },
+          },
+        ]
+      : []),
+  ];
+}
+
+/**
+ * Brings a file of the list into sight.
+ * @param {string} path
+ */
+function showFile(path) {
+  const files = /** @type {HTMLElement[]} */ ([...byId("files").children]);
+  const item = files.find(({ dataset }) => dataset.path === path) ?? byId("files-title");
+  item.tabIndex = -1;
+  item.scrollIntoView({ block: "center" });
+  // What is missing can be entered at once.
+  const field = /** @type {HTMLElement | null} */ (item.querySelector(".image-size input"));
+  (field ?? item).focus({ preventScroll: true });
 }
 
 /** @param {Session} session */

@@ -32,6 +32,7 @@ import { splitRuns } from "./runs.js";
  * @property {[number, number] | undefined} imageSize with which it was parsed
  * @property {GroundTruthTable | OpenEncoder | KeypointTable | import("./saved.js").SavedEvaluation | null} content
  * @property {string} error why it is broken
+ * @property {boolean} lacksSize whether it is broken only because the size of the images is not known
  * @property {string[]} notices
  * @property {import("./extraction.js").Extraction | null} extraction of a checkpoint
  *
@@ -213,6 +214,7 @@ function entryOf(source, role, reason, isGuess) {
     imageSize: undefined,
     content: null,
     error: "",
+    lacksSize: false,
     notices: [],
     extraction: null,
   };
@@ -247,4 +249,18 @@ export async function parseTable({ role, arrays, source, path, options }, imageS
   if (arrays) return role === "keypoints" ? arrays.keypoints(given) : arrays.groundTruth(given);
   const bytes = await bytesOf(source);
   return role === "keypoints" ? KeypointTable.parse(bytes, path, given) : GroundTruthTable.parse(bytes, path, given);
+}
+
+/**
+ * Whether a table that cannot be read could be, if the size of the images were known.
+ * @param {Entry} entry
+ */
+export async function isReadWithSize(entry) {
+  if (entry.role !== "ground-truth" && entry.role !== "keypoints") return false;
+  try {
+    (await parseTable(entry, [1, 1])).free();
+    return true;
+  } catch {
+    return false;
+  }
 }

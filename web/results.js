@@ -27,13 +27,17 @@ export function showResults(session) {
   let matrix = null;
   /** @type {View | null} */
   let sequences = null;
+  /** What the cards and the sequences were last shown for. */
+  let shown = "";
 
   const rebuild = () => {
+    const wasShown = views.length > 0;
     views = [];
     if (!session.evaluation) {
       place.hidden = true;
       fill(place);
       delete place.dataset.tc;
+      if (wasShown) announce("There is no score any more.");
       return;
     }
     const summary = summaryView(session);
@@ -59,8 +63,12 @@ export function showResults(session) {
   };
   const update = () => {
     place.hidden = session.evaluation === null;
-    if (!session.evaluation) return;
+    if (!session.evaluation) {
+      delete place.dataset.tc;
+      return;
+    }
     place.dataset.tc = String(session.evaluation.tc);
+    shown = display(session);
     for (const view of views) view.update();
   };
   session.addEventListener("scoring", rebuild);
@@ -72,11 +80,23 @@ export function showResults(session) {
     if (views.length > 0) update();
   });
   session.addEventListener("selection", () => {
-    if (views.length === 0) return;
+    // While the frames of a sequence go by, nothing here changes.
+    if (views.length === 0 || display(session) === shown) return;
+    shown = display(session);
     for (const view of cards) view.update();
     sequences?.update();
   });
   session.addEventListener("choice", () => {
     if (views.length > 0) matrix?.update();
   });
+}
+
+/**
+ * What is on display but for the frame in its sequence.
+ * @param {Session} session
+ */
+function display(session) {
+  const { object, frame } = session.selection;
+  const keypoints = session.objects.map((_, k) => session.keypointOf(k));
+  return [object, session.sequenceOf(frame)?.start, ...keypoints].join(" ");
 }

@@ -416,13 +416,16 @@ export class Score extends EventTarget {
     if (kept.length === 0 || !this.#remembers) return;
     this.report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
       label: "Use the defaults",
-      run: () => {
-        Object.assign(this.options, DEFAULTS, { thresholds: {} });
-        this.#remember();
-        this.#evaluate();
-        this.emit("scoring");
-      },
+      run: () => this.#scoreByDefault(),
     });
+  }
+
+  /** Scores as on the first visit. */
+  #scoreByDefault() {
+    Object.assign(this.options, DEFAULTS, { thresholds: {} });
+    this.#remember();
+    this.#evaluate();
+    this.emit("scoring");
   }
 
   #dropReminder() {
@@ -436,10 +439,16 @@ export class Score extends EventTarget {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
       const defaults = this.scoring.evaluate(this.#mapOptions());
       this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
-      this.problems.delete("evaluation");
+      if (this.problems.delete("evaluation")) this.emit("files");
     } catch (error) {
       this.evaluation = null;
-      this.report("evaluation", "error", messageOf(error));
+      this.report("evaluation", "error", messageOf(error), {
+        label: "Score with the defaults",
+        run: () => {
+          Object.assign(this.resampling, { folds: 0, intervals: false });
+          this.#scoreByDefault();
+        },
+      });
       this.emit("files");
     }
     this.intervals = null;
@@ -451,8 +460,10 @@ export class Score extends EventTarget {
   async #drawIntervals() {
     const { scoring, evaluation } = this;
     if (!scoring || !evaluation || !this.resampling.intervals || this.sequences.length < 2) return;
-    const bootstrap = scoring.bootstrap(this.#scoreOptions());
+    /** @type {import("./pkg/index.js").Bootstrap | undefined} */
+    let bootstrap;
     try {
+      bootstrap = scoring.bootstrap(this.#scoreOptions());
       let step = 1;
       for (let left = RESAMPLES; left > 0; ) {
         await new Promise((done) => setTimeout(done));
@@ -464,8 +475,12 @@ export class Score extends EventTarget {
       }
       this.intervals = bootstrap.intervals();
       this.emit("intervals");
+    } catch (error) {
+      this.resampling.intervals = false;
+      this.report("intervals", "error", `The intervals cannot be drawn: ${messageOf(error)}`);
+      for (const topic of ["files", "scoring"]) this.emit(topic);
     } finally {
-      bootstrap.free();
+      bootstrap?.free();
     }
   }
 

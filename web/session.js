@@ -10,7 +10,7 @@ import { Extraction } from "./extraction.js";
 import { blobOf, readError } from "./files.js";
 import { count, names } from "./format.js";
 import { decodeImage } from "./image-cache.js";
-import { identify, isTable, needsParsing, parseTable } from "./intake.js";
+import { identify, isReadWithSize, isTable, needsParsing, parseTable } from "./intake.js";
 import { SavedEvaluation } from "./saved.js";
 import { Score } from "./score.js";
 
@@ -23,12 +23,20 @@ import { Score } from "./score.js";
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
+ *
+ * Fetches files that come with the page.
+ * @typedef {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title: string, note?: string },
+ *   sources: Source[] }>} FetchSources
  */
 
 /** What stays said until more files are taken. */
-const STICKY = ["nothing", "repeated", "replaced"];
+const STICKY = ["nothing", "repeated", "replaced", "example"];
 
-/** What there is one used of; of results any number, since they are compared. @type {[Slot, string | null][]} */
+const LACKS_SIZE =
+  "its positions are in pixels, and the size of the images is not known. Enter it at the file in the list, or add the images; " +
+  "or choose ndc there, if that is their unit.";
+
+/** What there is one used of, with what several of them are called; of results any number is shown. @type {[Slot, string | null][]} */
 const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
@@ -49,6 +57,8 @@ export class Session extends Score {
   runs = new Map();
   /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
   origin = null;
+  /** Fetches the data again that `origin` tells of. @type {FetchSources | null} */
+  #fetchOrigin = null;
 
   /** Over all images. @type {FrameIndex | null} */
   frames = null;
@@ -56,6 +66,8 @@ export class Session extends Score {
   frameSources = [];
   /** Width and height of the first image, when it can be decoded. @type {[number, number] | undefined} */
   frameSize = undefined;
+  /** What the user says of the size of images that are not here. @type {[number, number] | undefined} */
+  saidSize = undefined;
   /** @type {JoinReport | null} */
   join = null;
 
@@ -87,85 +99,98 @@ export class Session extends Score {
   // Files
 
   /**
-   * Takes files: says what each is, parses it, and goes on with what is there then.
+   * Takes files: says what each is, parses it, and goes on with what is there then. They take the place of the example.
    * @param {Source[]} sources
    */
   add(sources) {
-    return this.#change(async (alive) => {
-      for (const key of STICKY) this.problems.delete(key);
-      if (sources.length === 0) {
-        this.report("nothing", "error", "There was no file in what was dropped.");
-        return;
+    return this.#change((alive) => this.#takeAll(sources, alive, () => this.#putAwayOrigin()));
+  }
+
+  /**
+   * @param {Source[]} sources
+   * @param {() => boolean} alive
+   * @param {() => void} prepare is called before the files are taken, if any of them is of use
+   */
+  async #takeAll(sources, alive, prepare) {
+    for (const key of STICKY) this.problems.delete(key);
+    if (sources.length === 0) {
+      this.report("nothing", "error", "There was no file in what was dropped.");
+      return;
+    }
+    const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
+    if (!alive()) {
+      for (const { arrays } of found.entries) arrays?.free();
+      return;
+    }
+    this.reading = null;
+    const isUseless = isNothing(found);
+    if (!isUseless) prepare();
+    /** @type {Map<string, Source>} */
+    const replaced = new Map();
+    for (const container of found.containers) {
+      for (const image of this.#emptied(container)) replaced.set(image.path, image);
+      this.containers.push(container);
+    }
+    for (const [path, run] of found.runs) this.runs.set(path, run);
+    /** @type {Set<string>} */
+    const taken = new Set();
+    const repeated = [];
+    for (const image of found.images) {
+      if (taken.has(image.path)) {
+        repeated.push(image.path);
+        continue;
       }
-      const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
-      if (!alive()) {
-        for (const { arrays } of found.entries) arrays?.free();
-        return;
+      taken.add(image.path);
+      const before = this.images.get(image.path);
+      if (before && isSame(before, image)) continue;
+      if (before) replaced.set(image.path, before);
+      this.#takeImage(image);
+    }
+    for (const entry of found.entries) {
+      if (taken.has(entry.path)) {
+        repeated.push(entry.path);
+        entry.arrays?.free();
+        continue;
       }
-      this.reading = null;
-      /** @type {Map<string, Source>} */
-      const replaced = new Map();
-      for (const container of found.containers) {
-        for (const image of this.#emptied(container)) replaced.set(image.path, image);
-        this.containers.push(container);
-      }
-      for (const [path, run] of found.runs) this.runs.set(path, run);
-      /** @type {Set<string>} */
-      const taken = new Set();
-      const repeated = [];
-      for (const image of found.images) {
-        if (taken.has(image.path)) {
-          repeated.push(image.path);
-          continue;
-        }
-        taken.add(image.path);
-        const before = this.images.get(image.path);
-        if (before && isSame(before, image)) continue;
-        if (before) replaced.set(image.path, before);
-        this.#takeImage(image);
-      }
-      for (const entry of found.entries) {
-        if (taken.has(entry.path)) {
-          repeated.push(entry.path);
-          entry.arrays?.free();
-          continue;
-        }
-        taken.add(entry.path);
-        this.#take(entry);
-      }
-      this.#tellRepeated(repeated);
-      this.#tellReplaced(replaced);
-      const useless = found.entries.every(({ role, error }) => role === "unknown" && error === "");
-      if (found.images.length + found.runs.size === 0 && useless && found.containers.every(({ error }) => error === "")) {
-        const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
-        this.report(
-          "nothing",
-          "error",
-          `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
-            "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
-            "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
-        );
-      }
-    });
+      taken.add(entry.path);
+      this.#take(entry);
+    }
+    this.#tellRepeated(repeated);
+    this.#tellReplaced(replaced);
+    if (isUseless) {
+      const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
+      this.report(
+        "nothing",
+        "error",
+        `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
+          "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
+          "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
+      );
+    }
   }
 
   /**
    * Replaces everything by files that are still to be fetched.
-   * @param {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title: string, note?: string },
-   *   sources: Source[] }>} fetchSources
+   * @param {FetchSources} fetchSources
    */
   async open(fetchSources) {
     this.clear();
     const generation = this.#generation;
+    this.#fetchOrigin = fetchSources;
+    // Files of the user's own that come meanwhile are preferred.
+    const isWanted = () => generation === this.#generation && this.#fetchOrigin === fetchSources;
     try {
       const { manifest, sources } = await fetchSources((done, total) => {
-        if (generation === this.#generation) this.#read("Fetching", done, total);
+        if (isWanted()) this.#read("Fetching", done, total);
       });
-      if (generation !== this.#generation) return;
-      this.origin = manifest;
-      await this.add(sources);
+      await this.#change(async (alive) => {
+        if (!isWanted()) return;
+        this.origin = manifest;
+        await this.#takeAll(sources, alive, () => {});
+      });
     } catch (error) {
-      if (generation !== this.#generation) return;
+      if (!isWanted()) return;
+      this.#fetchOrigin = null;
       this.reading = null;
       this.report("fetch", "error", messageOf(error));
       this.emit("files");
@@ -201,6 +226,16 @@ export class Session extends Score {
     return this.#change(async () => {
       Object.assign(entry, { options: { ...entry.options, ...options }, wanted: entry.state === "used" || entry.wanted });
       this.#reopen(entry);
+    });
+  }
+
+  /**
+   * Reads positions in pixels as those of images of this size, where there are no images that tell it.
+   * @param {[number, number] | undefined} size
+   */
+  setImageSize(size) {
+    return this.#change(async () => {
+      this.saidSize = size;
     });
   }
 
@@ -255,6 +290,23 @@ export class Session extends Score {
   /** Back to the state of a fresh page. */
   clear() {
     this.#generation++;
+    this.#empty();
+    for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
+  }
+
+  /** Takes the example away for files of the user's own, and says so. */
+  #putAwayOrigin() {
+    const fetchSources = this.#fetchOrigin;
+    if (!fetchSources) return;
+    this.#empty();
+    this.report("example", "info", "Your files took the place of the example.", {
+      label: "Load the example again",
+      run: () => void this.open(fetchSources),
+    });
+  }
+
+  /** Gives everything back. */
+  #empty() {
     this.extraction?.stop("idle");
     this.#release();
     for (const entry of this.entries) {
@@ -268,8 +320,10 @@ export class Session extends Score {
     this.containers = [];
     this.runs = new Map();
     this.frameSize = undefined;
+    this.saidSize = undefined;
     this.problems = new Map();
     this.origin = null;
+    this.#fetchOrigin = null;
     this.frames = null;
     this.frameSources = [];
     this.join = null;
@@ -277,7 +331,6 @@ export class Session extends Score {
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();
-    for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
   }
 
   /**
@@ -310,18 +363,35 @@ export class Session extends Score {
   }
 
   /**
-   * What a score needs, and whether it is there.
-   * @returns {{ label: string, met: boolean }[]}
+   * What a score needs, whether it is there, and the files that would be it if they could be used.
+   * @returns {{ label: string, met: boolean, broken: Entry[] }[]}
    */
   get needs() {
     const parts = [this.truth, this.frames, this.encoder, this.used("keypoints")];
     // A saved evaluation is a score.
     if (this.used("result") && parts.every((part) => part === null)) return [];
-    const truth = { label: "ground truth", met: this.truth !== null };
-    if (this.used("keypoints")) return [{ label: "keypoints", met: true }, truth];
-    const images = { label: "image sequences", met: this.frames !== null };
-    const checkpoint = { label: "checkpoint (or keypoints)", met: this.encoder !== null };
-    return [images, truth, checkpoint];
+    const need = (/** @type {string} */ label, /** @type {boolean} */ met, /** @type {Slot[]} */ ...roles) => {
+      const isBroken = (/** @type {Entry} */ { state, role }) => state === "broken" && roles.some((each) => each === role);
+      return { label, met, broken: met ? [] : this.entries.filter(isBroken) };
+    };
+    const truth = need("ground truth", this.truth !== null, "ground-truth");
+    if (this.used("keypoints")) return [need("keypoints", true), truth];
+    const images = need("image sequences", this.frames !== null);
+    return [images, truth, need("checkpoint (or keypoints)", this.encoder !== null, "checkpoint", "keypoints")];
+  }
+
+  /** What cannot be used, and why, as far as the user has not put that away. @returns {(Entry | Container)[]} */
+  get broken() {
+    return [...this.entries, ...this.containers].filter(({ error }) => error !== "");
+  }
+
+  /**
+   * Puts away why a file cannot be used.
+   * @param {string} path
+   */
+  dismissError(path) {
+    for (const file of this.broken) if (file.path === path) file.error = "";
+    this.emit("files");
   }
 
   // Extraction
@@ -390,7 +460,8 @@ export class Session extends Score {
   async #parse(entry) {
     const { role, source, path, wanted } = entry;
     entry.content?.free();
-    Object.assign(entry, { content: null, extraction: null, error: "", imageSize: this.frameSize });
+    const size = this.#tableSize;
+    Object.assign(entry, { content: null, extraction: null, error: "", lacksSize: false, imageSize: size });
     if (role === "unknown") {
       entry.state = "unknown";
       return;
@@ -403,7 +474,7 @@ export class Session extends Score {
       } else if (role === "result") {
         entry.content = await SavedEvaluation.parse(source);
       } else {
-        const table = await parseTable(entry, this.frameSize);
+        const table = await parseTable(entry, size);
         entry.content = table;
         entry.notices = table.notices;
       }
@@ -411,9 +482,15 @@ export class Session extends Score {
       if (wanted) this.#prefer(entry);
     } catch (error) {
       entry.state = "broken";
-      entry.error = readError(error, path);
+      entry.lacksSize = !size && (await isReadWithSize(entry));
+      entry.error = entry.lacksSize ? `${path}: ${LACKS_SIZE}` : readError(error, path);
     }
     entry.wanted = false;
+  }
+
+  /** The size of the images that positions in pixels belong to. */
+  get #tableSize() {
+    return this.frameSize ?? this.saidSize;
   }
 
   /**
@@ -421,7 +498,7 @@ export class Session extends Score {
    * @param {() => boolean} alive
    */
   async #parseEntries(alive) {
-    const pending = this.entries.filter((entry) => needsParsing(entry, this.frameSize));
+    const pending = this.entries.filter((entry) => needsParsing(entry, this.#tableSize));
     if (pending.length === 0) return;
     this.#release();
     for (const [i, entry] of pending.entries()) {
@@ -594,10 +671,31 @@ export class Session extends Score {
     const spare = candidates.find((entry) => entry !== used);
     if (!spare || many === null) return;
     const all = names(candidates.map(({ path }) => path));
-    const text = `There are ${candidates.length} ${many}: ${all}. Only one can be used: ${used.path} is.`;
+    const text = `There are ${candidates.length} ${many}: ${all}. ${this.#useOfSeveral(used, candidates)}`;
     if (this.#dismissed.has(text)) return;
-    const action = { label: `Use ${spare.path} instead`, run: () => void this.use(spare) };
-    this.report(`several-${role}`, "warning", text, action);
+    const isCompared = this.isCompared(spare);
+    const action = { label: `${isCompared ? "Show" : "Use"} ${spare.path} instead`, run: () => void this.use(spare) };
+    this.report(`several-${role}`, isCompared ? "info" : "warning", text, action);
+  }
+
+  /**
+   * @param {Entry} used
+   * @param {Entry[]} all
+   */
+  #useOfSeveral(used, all) {
+    if (!this.isCompared(used)) return `Only one can be used: ${used.path} is.`;
+    const whole = all.length === 2 ? "both" : "all of them";
+    const condition = used.role === "checkpoint" ? ", each once its keypoints are extracted" : "";
+    return `The results are those of ${used.path}; ${whole} are compared under “Runs side by side”${condition}.`;
+  }
+
+  /**
+   * Whether a file is a detector that can be scored on what is here, and so is compared with the others.
+   * @param {Entry} entry
+   */
+  isCompared({ role, content }) {
+    if (!this.truth || !content) return false;
+    return role === "keypoints" || (role === "checkpoint" && this.frames !== null);
   }
 
   #joinFrames() {
@@ -699,7 +797,8 @@ export class Session extends Score {
       return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
     }
     // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are left out then.
-    return pictures.some((picture) => picture !== null) && this.frameSize ? [this.frameSize] : [];
+    const size = pictures.some((picture) => picture !== null) ? this.frameSize : this.saidSize;
+    return size ? [size] : [];
   }
 
   async #run() {
@@ -737,6 +836,15 @@ export class Session extends Score {
     this.reading = { what, done, total };
     this.emit("reading");
   }
+}
+
+/**
+ * Whether there is neither anything of use in files, nor anything that would be if it could be read.
+ * @param {import("./intake.js").Found} found
+ */
+function isNothing({ images, runs, entries, containers }) {
+  const isUseless = entries.every(({ role, error }) => role === "unknown" && error === "");
+  return images.length + runs.size === 0 && isUseless && containers.every(({ error }) => error === "");
 }
 
 /**

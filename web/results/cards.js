@@ -79,11 +79,9 @@ export function card(session, object) {
     fill(verdict, icon(symbol), text);
     error.textContent = significant(shown.error);
     errorLabel.textContent = heldOut ? "error on held-out sequences" : "tracking error e";
-    const known = (session.intervals ?? evaluation.intervals)?.objects[object]?.error;
-    interval.hidden = !known;
-    interval.textContent = known
-      ? `95 % interval ${heldOut ? "of e " : ""}${known.map((end) => significant(end)).join(" – ")}`
-      : "";
+    const known = intervalOf(session, object);
+    interval.hidden = !known || heldOut !== undefined;
+    interval.textContent = known ? `95 % interval ${known}` : "";
     gauge.update(shown.error, result.threshold, shown.tracked, result.second_best?.error ?? null);
     fill(facts, ...factsOf(session, object, result));
     mapDetails.hidden = !result.map || evaluation.transform === "identity";
@@ -92,6 +90,16 @@ export function card(session, object) {
     threshold?.update(result.threshold);
   };
   return { element, update };
+}
+
+/**
+ * The 95 % interval of the error on the frames that are fitted on.
+ * @param {Session} session
+ * @param {number} object
+ */
+function intervalOf({ intervals, evaluation }, object) {
+  const ends = (intervals ?? evaluation?.intervals)?.objects[object]?.error;
+  return ends ? ends.map((end) => significant(end)).join(" – ") : null;
 }
 
 /**
@@ -124,8 +132,10 @@ function factsOf(session, object, result) {
       },
       `no. ${keypoint}`,
     );
+  const interval = intervalOf(session, object);
   return [
     evaluation?.held_out && fact("On the frames fitted on", significant(result.error)),
+    evaluation?.held_out && interval && fact("95 % interval there", interval),
     fact("Best keypoint", best === null ? "–" : `no. ${best}`),
     second && fact("Second best", look(second.keypoint), ` ${significant(second.error)}`),
     displayed !== null && displayed !== best && fact("On display", `no. ${displayed} · `, backToBest(session, object)),
@@ -166,6 +176,7 @@ function equations({ a, b }) {
  */
 function thresholdField(session, object) {
   const id = `threshold-${object}`;
+  let inForce = NaN;
   const input = h("input", {
     id,
     type: "number",
@@ -177,7 +188,7 @@ function thresholdField(session, object) {
       const value = input.valueAsNumber;
       const valid = Number.isFinite(value) && value > 0;
       input.setAttribute("aria-invalid", String(!valid));
-      hint.textContent = valid ? "" : "Expected a number above 0.";
+      hint.textContent = valid ? "" : `Expected a number above 0; ${inForce} still holds.`;
       if (valid) session.setThreshold(object, value);
     },
     // Leaving the field with something impossible in it brings back what is in force.
@@ -194,6 +205,7 @@ function thresholdField(session, object) {
     session.setThreshold(object, value);
   };
   const update = (/** @type {number} */ threshold) => {
+    inForce = threshold;
     // What is being typed is not rewritten.
     if (document.activeElement !== input) input.value = String(threshold);
     button.hidden = threshold === session.defaultThresholds[object];

@@ -3,6 +3,7 @@
 
 import { fill, h } from "../dom.js";
 import { integer, significant } from "../format.js";
+import { scrollRegion } from "../scroll-region.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -74,22 +75,17 @@ function tables(context) {
  * @param {string[][]} rows
  */
 function table(head, rows) {
-  return h(
-    "div",
-    { class: "table-scroll", tabIndex: 0, role: "group", "aria-label": head.filter(Boolean).join(", ") },
+  const element = h(
+    "table",
+    {},
+    h("thead", {}, h("tr", {}, ...head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td"))))),
     h(
-      "table",
+      "tbody",
       {},
-      h("thead", {}, h("tr", {}, ...head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td"))))),
-      h(
-        "tbody",
-        {},
-        ...rows.map(([first, ...rest]) =>
-          h("tr", {}, h("th", { scope: "row" }, first), ...rest.map((text) => h("td", {}, text))),
-        ),
-      ),
+      ...rows.map(([first, ...rest]) => h("tr", {}, h("th", { scope: "row" }, first), ...rest.map((text) => h("td", {}, text)))),
     ),
   );
+  return scrollRegion(h("div", { class: "table-scroll" }, element), head.filter(Boolean).join(", "));
 }
 
 /** @param {number} share */

@@ -4,6 +4,7 @@
 import init from "../pkg/index.js";
 import { fill, h, icon } from "../dom.js";
 import { save } from "../download.js";
+import { scrollRegion } from "../scroll-region.js";
 
 /**
  * @typedef {import("../pkg/index.js").Drawn} Drawn
@@ -30,7 +31,8 @@ export function figureView({ id, label, draw, drawn }) {
   const plate = h("div", { class: "figure-plate", role: "img", "aria-label": label });
   const layer = h("div", { class: "figure-layer" });
   const tip = h("div", { class: "figure-tip", hidden: true, "aria-hidden": "true" });
-  const scroll = h("div", { class: "figure-scroll" }, h("div", { class: "figure-stack" }, plate, layer, tip));
+  const stack = h("div", { class: "figure-stack" }, plate, layer, tip);
+  const scroll = scrollRegion(h("div", { class: "figure-scroll" }, stack), label);
   const links = saveLinks(id, label, () => draw(undefined, SAVED_WIDTH)?.svg ?? null);
   const element = h("figure", { class: "result-figure", id }, scroll, links);
   /** @type {Drawn | null} */

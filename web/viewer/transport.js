@@ -8,7 +8,7 @@ import { count, integer } from "../format.js";
 
 /** Frames a second. */
 const SPEED = { usual: 5, least: 0.1, most: 240, suggested: [1, 2, 5, 10, 25, 50, 100] };
-/** Frames decoded ahead of the one on display while playing. */
+/** Frames decoded ahead of the one on display while playing or moving. */
 const AHEAD = 4;
 /** Frames that a key moves with the shift key. */
 const FAR = 10;
@@ -27,6 +27,21 @@ export function transport(session, prepare, settings, onSetting) {
     const range = sequence();
     if (range) session.select({ frame: range.start + Math.min(Math.max(to, 0), range.length - 1) });
   };
+  /**
+   * Goes to a frame that the user asks for; those that come next if the movement goes on are decoded meanwhile.
+   * @param {number} to in the sequence on display
+   */
+  const moveTo = (to) => {
+    const before = index();
+    goTo(to);
+    const range = sequence();
+    const step = index() - before;
+    if (!range || step === 0) return;
+    for (let ahead = 1; ahead <= AHEAD; ahead++) {
+      const next = index() + ahead * step;
+      if (next >= 0 && next < range.length) prepare(range.start + next);
+    }
+  };
   /** @param {number} by sequences */
   const goToSequence = (by) => {
     const range = sequence();
@@ -41,7 +56,7 @@ export function transport(session, prepare, settings, onSetting) {
     min: "0",
     step: "1",
     "aria-label": "Frame",
-    oninput: () => goTo(scrubber.valueAsNumber),
+    oninput: () => moveTo(scrubber.valueAsNumber),
   });
   const position = h("output", { id: "position", class: "position", for: "scrubber" });
   const speed = h("input", {
@@ -70,7 +85,7 @@ export function transport(session, prepare, settings, onSetting) {
   const stepButton = (/** @type {string} */ symbol, /** @type {string} */ label, /** @type {number} */ by) =>
     h(
       "button",
-      { type: "button", class: "button round", "aria-label": label, title: label, onclick: () => goTo(index() + by) },
+      { type: "button", class: "button round", "aria-label": label, title: label, onclick: () => moveTo(index() + by) },
       icon(symbol),
     );
   const element = h(
@@ -125,8 +140,8 @@ export function transport(session, prepare, settings, onSetting) {
   const key = ({ key, shiftKey }) => {
     const step = shiftKey ? FAR : 1;
     if (key === " ") setPlaying(!playing);
-    else if (key === "ArrowRight") goTo(index() + step);
-    else if (key === "ArrowLeft") goTo(index() - step);
+    else if (key === "ArrowRight") moveTo(index() + step);
+    else if (key === "ArrowLeft") moveTo(index() - step);
     else if (key === "Home") goTo(0);
     else if (key === "End") goTo(Infinity);
     else if (key === "PageUp") goToSequence(-1);

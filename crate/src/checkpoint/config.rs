@@ -122,7 +122,7 @@ impl SaeConfig {
     /// `keynet-vel-std-bg`.
     ///
     /// # Errors
-    /// When there is no such architecture; with the nearest ones.
+    /// When there is no such architecture.
     pub fn named(name: &str) -> Result<Self> {
         let mut parts: Vec<&str> = name.split('-').collect();
         let keypoints = match parts.get(1).and_then(|part| part.strip_prefix("kp")) {

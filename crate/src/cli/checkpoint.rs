@@ -18,7 +18,7 @@ pub(super) struct ConvertArguments {
     /// The checkpoint to read: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(value_name = "IN")]
     from: PathBuf,
-    /// The file to write; its ending says the format
+    /// The file to write, another one than IN; its ending says the format
     #[arg(value_name = "OUT")]
     to: PathBuf,
 }
@@ -42,7 +42,7 @@ pub(super) struct ExportArguments {
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
     /// Where to write the encoder as an ONNX model (operator set 17)
-    #[arg(long, value_name = "ENCODER.onnx")]
+    #[arg(long, value_name = "ENCODER.onnx", value_parser = files::parse_onnx_path)]
     onnx: PathBuf,
 }
 
@@ -55,6 +55,12 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
         .at(arguments.to.display())
     })?;
     atomic::check(&arguments.to)?;
+    if files::is_same(&arguments.from, &arguments.to) {
+        return Err(
+            Error::input("is the checkpoint that is read; expected another file to write")
+                .at(arguments.to.display()),
+        );
+    }
     let checkpoint = files::read_checkpoint(&arguments.from)?;
     atomic::write(&arguments.to, &checkpoint.to_bytes(format)?)?;
     told(&checkpoint, &arguments.to);

@@ -17,7 +17,7 @@ use super::files::TruthArguments;
 use crate::data::{BLOCK, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
-use crate::report::JoinReport;
+use crate::report::{JoinReport, JoinSummary};
 use crate::track::{FrameKey, GroundTruth};
 
 /// Unreadable frames that are told one by one.
@@ -109,9 +109,8 @@ fn for_blocks<T: Send>(
     Ok(())
 }
 
-/// What `inspect` prints as JSON.
+/// What `inspect` prints as JSON. Schema 1 had its keys in camelCase.
 #[derive(Debug, Serialize)]
-#[serde(rename_all = "camelCase")]
 struct Inspection {
     schema: &'static str,
     frames: usize,
@@ -127,14 +126,12 @@ struct Inspection {
 }
 
 #[derive(Debug, Serialize)]
-#[serde(rename_all = "camelCase")]
 struct TruthInspection {
     objects: Vec<ObjectInspection>,
-    join: JoinReport,
+    join: JoinSummary,
 }
 
 #[derive(Debug, Serialize)]
-#[serde(rename_all = "camelCase")]
 struct ObjectInspection {
     name: String,
     /// Rows in which it has a position.
@@ -155,7 +152,7 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     let index = frames.index();
     let lengths = || index.sequences().into_iter().map(|s| s.length);
     let mut found = Inspection {
-        schema: "tracklens/data/1",
+        schema: "tracklens/data/2",
         frames: index.keys().len(),
         sequences: lengths().count(),
         sequence_lengths: [lengths().min().unwrap_or(0), lengths().max().unwrap_or(0)],
@@ -243,7 +240,7 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
     });
     Ok(TruthInspection {
         objects: objects.collect(),
-        join: JoinReport::new(&join, frames, truth.keys()),
+        join: JoinReport::new(&join, frames, truth.keys()).summary(),
     })
 }
 

@@ -29,11 +29,14 @@ use crate::extract::DeviceExtractor;
 use crate::extract::{CpuExtractor, Extraction, Extractor as _};
 use crate::track::KeypointTrack;
 
+/// The path that stands for it.
+const STANDARD_OUTPUT: &str = "-";
+
 #[derive(Debug, Args)]
 pub(super) struct ExtractArguments {
     #[command(flatten)]
     source: SourceArguments,
-    /// Where to write the keypoints: CSV with the columns sequence,frame,keypoint,x,y
+    /// Where to write the keypoints: CSV with the columns sequence,frame,keypoint,x,y; `-` for the standard output
     #[arg(long, value_name = "KP.csv")]
     out: PathBuf,
 }
@@ -79,15 +82,25 @@ struct SourceArguments {
 }
 
 pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
-    atomic::check(&arguments.out)?;
+    let out = &arguments.out;
+    let is_stream = out.as_os_str() == STANDARD_OUTPUT;
+    if !is_stream {
+        atomic::check(out)?;
+    }
     let source = &arguments.source;
     let extracted = source.extract(&*source.reading.open(&source.frames)?)?;
-    atomic::write(&arguments.out, keypoints_csv(&extracted.track).as_bytes())?;
+    let csv = keypoints_csv(&extracted.track);
+    let place = if is_stream {
+        say!("{}", csv.trim_end());
+        "the standard output".to_owned()
+    } else {
+        atomic::write(out, csv.as_bytes())?;
+        out.display().to_string()
+    };
     eprintln!(
-        "{} keypoints of {} frames written to {}",
+        "{} keypoints of {} frames written to {place}",
         extracted.track.keypoints(),
         extracted.track.keys().len(),
-        arguments.out.display()
     );
     Ok(())
 }

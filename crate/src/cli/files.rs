@@ -19,6 +19,43 @@ use crate::track::{GroundTruth, KeypointTrack};
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
 
+/// The path of a page that is to be written.
+pub(super) fn parse_html_path(text: &str) -> Result<PathBuf> {
+    with_ending(text, &["html", "htm"])
+}
+
+/// The path of an ONNX model that is to be written.
+pub(super) fn parse_onnx_path(text: &str) -> Result<PathBuf> {
+    with_ending(text, &["onnx"])
+}
+
+/// A path whose ending says the format that is written.
+fn with_ending(text: &str, endings: &[&str]) -> Result<PathBuf> {
+    let path = PathBuf::from(text);
+    let ending = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    if endings.contains(&ending.as_str()) {
+        return Ok(path);
+    }
+    let what = match ending.as_str() {
+        "" => "has no ending".to_owned(),
+        ending => format!("ends in .{ending}"),
+    };
+    Err(Error::input(format!(
+        "`{text}` {what}, and the format that is written is another one; expected a name that ends in .{}",
+        endings.join(" or .")
+    )))
+}
+
+/// Whether both are the same file; a file that is not there yet is none.
+pub(super) fn is_same(a: &Path, b: &Path) -> bool {
+    let [a, b] = [a, b].map(Path::canonicalize);
+    matches!((a, b), (Ok(a), Ok(b)) if a == b)
+}
+
 /// How points are read from tables and recordings, and which of them count.
 #[derive(Debug, Args)]
 pub(super) struct TruthArguments {

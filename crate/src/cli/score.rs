@@ -78,7 +78,7 @@ pub(super) struct ScoringArguments {
     #[arg(long)]
     context: bool,
     /// Also write everything as one HTML file
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = files::parse_html_path)]
     report: Option<PathBuf>,
     /// Also write every figure into this folder, as SVG and PNG
     #[arg(long, value_name = "DIR")]
@@ -92,17 +92,27 @@ pub(super) struct ScoringArguments {
 }
 
 pub(super) fn parse_threshold(text: &str) -> Result<(String, f64)> {
-    let wrong = || {
-        Error::input(format!(
-            "`{text}` is no threshold; expected NAME=VALUE, e.g. cube=0.015"
-        ))
-    };
-    let (name, value) = text.rsplit_once('=').ok_or_else(wrong)?;
-    let value: f64 = value.trim().parse().map_err(|_| wrong())?;
-    if name.is_empty() || !(value.is_finite() && value > 0.0) {
-        return Err(wrong());
+    const EXPECTED: &str = "expected NAME=VALUE with a number above 0, e.g. cube=0.015";
+    if text.contains(',') && text.matches('=').count() > 1 {
+        return Err(Error::input(format!(
+            "`{text}` gives more than one threshold; {EXPECTED}, and --threshold once for every object: --threshold \
+             cube=0.015 --threshold eef=0.1"
+        )));
     }
-    Ok((name.to_owned(), value))
+    let (name, value) = text
+        .rsplit_once('=')
+        .map(|(name, value)| (name.trim(), value.trim()))
+        .filter(|(name, _)| !name.is_empty())
+        .ok_or_else(|| Error::input(format!("`{text}` is no threshold; {EXPECTED}")))?;
+    match value.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok((name.to_owned(), number)),
+        Ok(_) => Err(Error::input(format!(
+            "the threshold of `{name}` is {value}, which no error can be up to; {EXPECTED}"
+        ))),
+        Err(_) => Err(Error::input(format!(
+            "the threshold of `{name}` is `{value}`, which is no number; {EXPECTED}"
+        ))),
+    }
 }
 
 pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
@@ -271,7 +281,7 @@ fn print_table(report: &EvaluationReport) -> Result<()> {
         let errors = intervals.objects.iter();
         let errors: Vec<String> = errors.filter_map(|o| Some(range(&o.name, o.error?))).collect();
         say!(
-            "95 % intervals over sequences ({} resamples): {}; {}",
+            "95 % intervals over sequences of these errors, fitted and scored on the same frames ({} resamples): {}; {}",
             intervals.resamples,
             range("TC", intervals.tc),
             errors.join("; ")

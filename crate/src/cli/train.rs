@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer};
+use crate::sweep::architecture_named;
 use crate::train::{
     BackgroundStart, Dataset, Existing, FirstLayer, RunOptions, Split, TargetFilter, TrainConfig,
     ValidationFrames, train,
@@ -37,7 +38,7 @@ pub(super) struct TrainArguments {
     cache: u64,
     /// Architecture: basic, basic-kp32, dsae, keynet; basic and keynet with any of -vel, -std, -bg (e.g.
     /// keynet-vel-std-bg)
-    #[arg(long, value_name = "NAME", default_value = "basic", value_parser = SaeConfig::named)]
+    #[arg(long, value_name = "NAME", default_value = "basic", value_parser = architecture_named)]
     arch: SaeConfig,
     /// Run folder to write; must not hold a run yet, unless it is resumed
     #[arg(long, value_name = "RUN_DIR")]

@@ -7,9 +7,10 @@ use super::figures::Figure;
 /// Figures are drawn in the colours of a light page; these are the ones that change in the dark.
 const STYLE: &str = "
 :root { color-scheme: light dark; --ink: #1c1c1e; --soft: #63636a; --plate: #ffffff; --line: #dedee3; --good: #00734f;
-  --bad: #a8430a; --warn: #fdf3dc; }
+  --bad: #a8430a; --warn: #fdf3dc; --shade: #1c1c1e40; }
 @media (prefers-color-scheme: dark) {
-  :root { --ink: #ececf0; --soft: #a3a3aa; --plate: #17171a; --line: #3a3a40; --good: #4fd1a5; --bad: #ffa36b; --warn: #332812; }
+  :root { --ink: #ececf0; --soft: #a3a3aa; --plate: #17171a; --line: #3a3a40; --good: #4fd1a5; --bad: #ffa36b; --warn: #332812;
+    --shade: #ececf04d; }
 }
 body { margin: 0 auto; padding: 2.5rem 1.25rem 4rem; max-width: 68rem; background: var(--plate); color: var(--ink);
   font: 16px/1.5 system-ui, sans-serif; }
@@ -19,7 +20,11 @@ p, figcaption, li { max-width: 46rem; }
 p, figcaption { color: var(--soft); }
 .lead { color: var(--ink); font-size: 1.1rem; }
 .note { background: var(--warn); color: var(--ink); border-radius: 8px; padding: .6rem .9rem; }
-.table { overflow-x: auto; }
+.table { overflow-x: auto; background:
+    linear-gradient(to right, var(--plate) 40%, transparent) left / 2.5rem 100% local,
+    linear-gradient(to left, var(--plate) 40%, transparent) right / 2.5rem 100% local,
+    linear-gradient(to right, var(--shade), transparent) left / .9rem 100%,
+    linear-gradient(to left, var(--shade), transparent) right / .9rem 100%; background-repeat: no-repeat; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .75rem 0; }
 th, td { padding: .35rem .8rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
 th { font-weight: 600; vertical-align: bottom; }
@@ -35,6 +40,11 @@ figure .white { background: #fff; border: 1px solid var(--line); border-radius: 
 pre { padding: .75rem 1rem; border: 1px solid var(--line); border-radius: 8px; white-space: pre-wrap; overflow-wrap: anywhere;
   font: .875rem/1.5 ui-monospace, monospace; }
 figure svg { display: block; height: auto; max-width: 100%; min-width: 30rem; }
+@media screen and (max-width: 33rem) {
+  figure .plate::before { content: \"Scroll sideways →\"; display: block; position: sticky; left: 0;
+    width: fit-content; padding: 0 .25rem .25rem; color: var(--soft); font-size: .8125rem; }
+  figure .white::before { color: #56606b; }
+}
 figure .plate:not(.white) svg [fill=\"#222222\"] { fill: var(--ink); }
 figure .plate:not(.white) svg [stroke=\"#222222\"] { stroke: var(--ink); }
 figure .plate:not(.white) svg [stroke=\"#DEDEDE\"] { stroke: var(--line); }
@@ -42,6 +52,7 @@ figure .plate:not(.white) svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var
 @media print {
   :root { --ink: #000; --soft: #444; --plate: #fff; --line: #ccc; --good: #00734f; --bad: #a8430a; --warn: #eee; }
   body { max-width: none; padding: 0; } figure, tr { break-inside: avoid; } figure svg { min-width: 0; }
+  .table { overflow: visible; background: none; } th, td { padding: .25rem .4rem; white-space: normal; }
 }
 ";
 
@@ -66,7 +77,7 @@ pub(super) fn document(title: &str, body: &Markup) -> String {
 pub(super) fn figure(figure: &Figure) -> Markup {
     html! {
         figure id=(figure.name) {
-            div.plate { (PreEscaped(&figure.svg)) }
+            div.plate role="region" tabindex="0" aria-label=(figure.name) { (PreEscaped(&figure.svg)) }
             figcaption { (figure.caption) }
         }
     }

@@ -289,7 +289,7 @@ pub struct JoinReport {
     pub unmatched_rows: Unmatched,
 }
 
-/// [`JoinReport`] as it stands in an evaluation.
+/// [`JoinReport`] as it stands in the JSON of the command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JoinSummary {
     /// Frames with a row.
@@ -554,7 +554,8 @@ impl ContextReport {
 }
 
 impl JoinReport {
-    fn summary(&self) -> JoinSummary {
+    /// The same, as it stands in the JSON of the command.
+    pub fn summary(&self) -> JoinSummary {
         JoinSummary {
             matched: self.matched,
             rules: self.rules.clone(),

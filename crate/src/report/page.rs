@@ -28,7 +28,7 @@ pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
         p { (protocol(report)) }
         @for figure in &figures {
             figure {
-                div.plate.white { (PreEscaped(&figure.svg)) }
+                div.plate.white role="region" tabindex="0" aria-label=(figure.name) { (PreEscaped(&figure.svg)) }
                 figcaption { (figure.caption) }
             }
         }
@@ -107,10 +107,12 @@ fn protocol(report: &EvaluationReport) -> String {
     }
     if let Some(intervals) = &report.intervals {
         text += &format!(
-            " Small figures: {:.0} % intervals, {}, {} resamples; of TC {:.3}–{:.3}.",
+            " Small figures: {:.0} % intervals of the errors that are fitted and scored on the same frames, {}, {} \
+             resamples; of the TC on these frames, {:.3}: {:.3}–{:.3}.",
             100.0 * intervals.level,
             intervals.method,
             intervals.resamples,
+            report.tc,
             intervals.tc[0],
             intervals.tc[1]
         );
@@ -137,7 +139,7 @@ fn objects(report: &EvaluationReport) -> Markup {
     };
     let pixels = report.objects.iter().any(|object| object.rmse_px.is_some());
     html! {
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Objects" {
             table {
                 thead { tr {
                     th { "object" } th { "tracked" } th { "error" } th { "threshold" }
@@ -183,7 +185,7 @@ fn maps(report: &EvaluationReport) -> Markup {
         @if report.transform != "identity" {
             h2 { "Fitted maps" }
             p { "Position of the object from the keypoint (u, v), in ndc." }
-            div.table {
+            div.table role="region" tabindex="0" aria-label="Fitted maps" {
                 table {
                     thead { tr { th { "object" } th { "keypoint" } th { "x" } th { "y" } } }
                     tbody { @for object in &report.objects { @if let Some((map, n)) = fitted(object) { tr {
@@ -216,7 +218,7 @@ fn worst(sequences: &[SequencesReport]) -> Markup {
     html! {
         h2 { "Worst sequences" }
         @for of in sequences {
-            div.table {
+            div.table role="region" tabindex="0" aria-label={ "Sequences of " (of.object) } {
                 table {
                     thead { tr {
                         th { (of.object) ", keypoint " (of.keypoint) } th { "error" } th { "frames" } th { "worst frame" }
@@ -251,7 +253,7 @@ fn context_tables(context: &ContextReport) -> Markup {
         h2 { "What others measure" }
         p { "Linear regression of every object from all keypoints together, and the percentage of correct positions (PCK) \
              within a share of the side of the image, as Jakab et al. (2018) do." }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Linear regression" {
             table {
                 thead { tr { th { "object" } th { "predicted frames" } th { "error" } @for label in within() { th { (label) } } } }
                 tbody { @for row in &context.regression { tr {
@@ -264,7 +266,7 @@ fn context_tables(context: &ContextReport) -> Markup {
         }
         p { "Keypoints as they are, matched one to one to the objects with the smallest total distance, as Kulkarni et al. (2019) \
              do: precision is the share of keypoints that are matched that closely, recall that of objects." }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Assignment" {
             table {
                 thead { tr { th { "matched" } th { "" } @for label in within() { th { (label) } } } }
                 tbody { @for row in &context.assignment {

@@ -62,11 +62,11 @@ type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, Decades>>;
 /// # Errors
 /// When a figure cannot be drawn, or an error in a log is not a number.
 pub fn figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
-    let mut figures = vec![
-        capabilities(report)?,
-        boxes(runs, report)?,
-        profiles(runs, report)?,
-    ];
+    let mut figures = vec![boxes(runs, report)?];
+    if report.has_spread() {
+        figures.insert(0, capabilities(report)?);
+        figures.push(profiles(runs, report)?);
+    }
     // Detectors that were scored as they are have no epochs.
     let has_epochs = |group: &Group| group.complete().any(|run| !run.epochs.is_empty());
     for (i, group) in runs

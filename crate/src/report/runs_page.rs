@@ -6,7 +6,7 @@ use super::document::{document, figure, with_interval};
 use super::figures::Figure;
 use super::reference::{ClaimReport, ReferenceReport};
 use super::runs_report::{GroupReport, ObjectRunsReport, RunsReport};
-use super::tables::{number, quartiles, variance};
+use super::tables::{NO_SPREAD, TRACKED, number, quartiles, variance};
 
 /// Tables and figures of many runs as an HTML document that needs nothing else.
 pub fn runs_page(report: &RunsReport, figures: &[Figure]) -> String {
@@ -20,51 +20,13 @@ pub fn runs_page(report: &RunsReport, figures: &[Figure]) -> String {
         }
         p.lead { (lead(report)) }
         @for note in &report.notes { p.note { (note) "." } }
-        div.table {
-            table {
-                thead { tr {
-                    th { "group" } th { "runs" } th { "epochs" } th { "mean TC" }
-                    @for object in objects { th { "TC " (object.name) } }
-                } }
-                tbody { @for group in &report.groups { (capability_row(group)) } }
-            }
-        }
-        p { "The tracking capability of an object is the share of runs whose tracking error is at most its threshold ("
-            @for (i, object) in objects.iter().enumerate() {
-                @if i > 0 { ", " } (object.name) " " (object.threshold)
-            }
-            "). Small figures: " (report.intervals) "." }
+        @if report.has_spread() { (capability_table(report, objects)) } @else { (only_errors_table(report, objects)) }
         @if let Some(reference) = &report.reference { (beside(reference, objects)) }
         h2 { "Figures" }
         @for one in figures { (figure(one)) }
-        h2 { "Tracking errors" }
-        p { "Mean squared distance in ndc at the last epoch, after the fitted affine map. IQM: interquartile mean, trimmed \
-             as in rliable (Agarwal et al., 2021), with its interval, and between the quartiles." }
-        div.table {
-            table {
-                thead { tr {
-                    th { "group" } th.text { "object" } th { "mean" } th { "variance" } th { "median" }
-                    th { "quartiles" } th { "IQM trimmed" } th { "IQM between quartiles" }
-                } }
-                tbody {
-                    @for group in &report.groups {
-                        @for (k, object) in group.objects.iter().enumerate() { (error_row(group, object, k == 0)) }
-                    }
-                }
-            }
-        }
-        @if !report.improvement.is_empty() {
-            h2 { "Probability of improvement" }
-            p { "How probable it is that a run of the first has a lower error than a run of the second." }
-            div.table {
-                table {
-                    thead { tr { th { "group" } th.text { "over" } @for object in objects { th { (object.name) } } } }
-                    tbody { (improvement_rows(report)) }
-                }
-            }
-        }
+        @if report.has_spread() { (statistics_tables(report, objects)) }
         h2 { "Runs" }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Runs" {
             table {
                 thead { tr {
                     th { "run" } th.text { "group" } th { "seed" } th { "epochs" } th { "TC" }
@@ -80,6 +42,84 @@ pub fn runs_page(report: &RunsReport, figures: &[Figure]) -> String {
         }
     };
     document("Tracking over runs", &body)
+}
+
+fn capability_table(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup {
+    html! {
+        div.table role="region" tabindex="0" aria-label="Tracking capability" {
+            table {
+                thead { tr {
+                    th { "group" } th { "runs" } th { "epochs" } th { "mean TC" }
+                    @for object in objects { th { "TC " (object.name) } }
+                } }
+                tbody { @for group in &report.groups { (capability_row(group)) } }
+            }
+        }
+        p { "The tracking capability of an object is the share of runs whose tracking error is at most its threshold ("
+            (thresholds(objects)) "). Small figures: " (report.intervals) "." }
+    }
+}
+
+/// The error of every object and run, where a group has one run at most.
+fn only_errors_table(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup {
+    html! {
+        div.table role="region" tabindex="0" aria-label="Tracking errors" {
+            table {
+                thead { tr { th { "group" } th { "TC" } @for object in objects { th { "error " (object.name) } } } }
+                tbody { @for group in &report.groups { tr {
+                    td { (group.name) }
+                    td { (with_interval(group.tc, None, 3)) }
+                    @for (error, object) in group.only_errors() {
+                        td.good[object.is_tracked(error)] {
+                            (number(error)) @if object.is_tracked(error) { " " (TRACKED) }
+                        }
+                    }
+                } } }
+            }
+        }
+        p { "Tracking errors: mean squared distance in ndc. " (TRACKED) ": at most the threshold ("
+            (thresholds(objects)) "). " (NO_SPREAD) "." }
+    }
+}
+
+/// The errors over the runs of the groups, and how probably those of one are lower than those of another.
+fn statistics_tables(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup {
+    html! {
+        h2 { "Tracking errors" }
+        p { "Mean squared distance in ndc at the last epoch, after the fitted affine map. IQM: interquartile mean, trimmed \
+             as in rliable (Agarwal et al., 2021), with its interval, and between the quartiles." }
+        div.table role="region" tabindex="0" aria-label="Tracking errors" {
+            table {
+                thead { tr {
+                    th { "group" } th.text { "object" } th { "mean" } th { "variance" } th { "median" }
+                    th { "quartiles" } th { "IQM trimmed" } th { "IQM between quartiles" }
+                } }
+                tbody {
+                    @for group in &report.groups {
+                        @for (k, object) in group.objects.iter().enumerate() { (error_row(group, object, k == 0)) }
+                    }
+                }
+            }
+        }
+        @if !report.improvement.is_empty() {
+            h2 { "Probability of improvement" }
+            p { "How probable it is that a run of the first has a lower error than a run of the second." }
+            div.table role="region" tabindex="0" aria-label="Probability of improvement" {
+                table {
+                    thead { tr { th { "group" } th.text { "over" } @for object in objects { th { (object.name) } } } }
+                    tbody { (improvement_rows(report)) }
+                }
+            }
+        }
+    }
+}
+
+fn thresholds(objects: &[ObjectRunsReport]) -> String {
+    let named: Vec<String> = objects
+        .iter()
+        .map(|o| format!("{} {}", o.name, o.threshold))
+        .collect();
+    named.join(", ")
 }
 
 /// What the groups come to, in a sentence.
@@ -170,7 +210,7 @@ fn run_rows(report: &RunsReport) -> Markup {
                     td { (run.epochs) }
                     td { (format!("{:.2}", run.tc)) }
                     @for (error, object) in run.errors.iter().zip(&group.objects) {
-                        td.good[error.is_some_and(|e| e <= object.threshold)] { (number(*error)) }
+                        td.good[object.is_tracked(*error)] { (number(*error)) }
                     }
                     td { (number(run.reconstruction)) }
                 }
@@ -185,7 +225,7 @@ fn beside(reference: &ReferenceReport, objects: &[ObjectRunsReport]) -> Markup {
         h2 { "Beside " (reference.name) }
         p { (reference.citation) ". " (reference.name) ": " (reference.setting) ". Here: " (reference.own_setting)
             ". –: no number is published, or there is no run." }
-        div.table {
+        div.table role="region" tabindex="0" aria-label="Published numbers" {
             table {
                 thead {
                     tr {
@@ -210,7 +250,7 @@ fn beside(reference: &ReferenceReport, objects: &[ObjectRunsReport]) -> Markup {
             }
         }
         @if !reference.claims.is_empty() {
-            div.table {
+            div.table role="region" tabindex="0" aria-label="Claims" {
                 table {
                     thead { tr { th { "claim" } th.text { "place" } th.text { "compared" } th.text { "here" } } }
                     tbody { @for claim in &reference.claims { (claim_row(claim)) } }

@@ -181,6 +181,11 @@ impl RunsReport {
         self.groups.iter().map(|group| group.complete).sum()
     }
 
+    /// Whether a group has more than one run. Otherwise statistics over runs say nothing that the errors do not.
+    pub fn has_spread(&self) -> bool {
+        self.groups.iter().any(|group| group.complete > 1)
+    }
+
     /// The names of runs that do not count, with the reason.
     pub fn not_counted(&self) -> impl Iterator<Item = (&str, &str)> {
         let incomplete = self.groups.iter().flat_map(|group| &group.incomplete);
@@ -247,6 +252,13 @@ fn notes(runs: &Runs) -> Vec<String> {
         }
     }
     notes
+}
+
+impl ObjectRunsReport {
+    /// Whether a run with this error tracks the object.
+    pub(super) fn is_tracked(&self, error: Option<f64>) -> bool {
+        error.is_some_and(|error| error <= self.threshold)
+    }
 }
 
 impl GroupReport {
@@ -332,6 +344,16 @@ impl GroupReport {
             objects: reports,
             runs,
         })
+    }
+
+    /// The errors of its one run, with the objects.
+    pub(super) fn only_errors(&self) -> impl Iterator<Item = (Option<f64>, &ObjectRunsReport)> {
+        let errors = self.runs.first().map(|run| run.errors.as_slice());
+        let error = move |k: usize| errors.and_then(|errors| errors.get(k).copied().flatten());
+        self.objects
+            .iter()
+            .enumerate()
+            .map(move |(k, object)| (error(k), object))
     }
 
     /// How an object fares.

@@ -7,6 +7,11 @@ use super::reference::{Pair, ReferenceReport};
 use super::runs_report::{GroupReport, ObjectRunsReport, RunsReport};
 use crate::data::quote_csv;
 
+/// What marks an error that is at most its threshold.
+pub(super) const TRACKED: &str = "✓";
+/// What tables of groups that have one run each leave out, and why.
+pub(super) const NO_SPREAD: &str = "Every group has one run at most, so statistics over runs are left out";
+
 /// What stands for a number that there is not.
 pub(super) const NONE: &str = "–";
 
@@ -129,68 +134,20 @@ pub fn errors_csv(report: &RunsReport) -> String {
 /// Everything as Markdown, with the figures as files beside it.
 pub fn runs_markdown(report: &RunsReport, figures: &[Figure]) -> String {
     let mut out = String::from("# Tracking over runs\n\n");
-    // Writing to a String cannot fail.
-    let _ = writeln!(out, "Intervals: {}.\n", report.intervals);
     let names: Vec<&str> = report
         .groups
         .first()
         .map(|group| group.objects.iter().map(|o| o.name.as_str()).collect())
         .unwrap_or_default();
-    let mut columns = vec![
-        "group".to_owned(),
-        "runs".to_owned(),
-        "epochs".to_owned(),
-        "mean TC".to_owned(),
-    ];
-    columns.extend(names.iter().map(|name| format!("TC {name}")));
-    header(&mut out, &columns);
-    for group in &report.groups {
-        let mut cells = vec![
-            group.name.clone(),
-            counted(group),
-            group.epochs.to_string(),
-            with_interval(group.tc, group.tc_interval, 3),
-        ];
-        cells.extend(
-            group
-                .objects
-                .iter()
-                .map(|o| with_interval(o.tc, o.tc_interval, 3)),
-        );
-        row(&mut out, &cells);
-    }
-    out += "\n## Tracking errors\n\nMean squared distance in ndc at the last epoch.\n\n";
-    let columns = [
-        "group",
-        "object",
-        "mean",
-        "variance",
-        "median",
-        "quartiles",
-        "IQM trimmed",
-        "IQM between quartiles",
-    ];
-    header(&mut out, &columns.map(str::to_owned));
-    for group in &report.groups {
-        for object in &group.objects {
-            row(
-                &mut out,
-                &[
-                    group.name.clone(),
-                    object.name.clone(),
-                    number(object.mean),
-                    variance(object),
-                    number(object.quartiles.map(|q| q[2])),
-                    quartiles(object),
-                    with_interval(object.iqm_trimmed, object.iqm_interval, 4),
-                    number(object.iqm_window),
-                ],
-            );
-        }
+    if report.has_spread() {
+        statistics_tables(&mut out, report, &names);
+    } else {
+        only_errors_table(&mut out, report, &names);
     }
     if let Some(reference) = &report.reference {
         reference_tables(&mut out, reference, &names);
     }
+    // Writing to a String cannot fail.
     for note in &report.notes {
         let _ = write!(out, "\nNote: {note}.\n");
     }
@@ -208,6 +165,84 @@ pub fn runs_markdown(report: &RunsReport, figures: &[Figure]) -> String {
         );
     }
     out
+}
+
+/// Capabilities and errors of groups with several runs.
+fn statistics_tables(out: &mut String, report: &RunsReport, names: &[&str]) {
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "Intervals: {}.\n", report.intervals);
+    let mut columns = vec![
+        "group".to_owned(),
+        "runs".to_owned(),
+        "epochs".to_owned(),
+        "mean TC".to_owned(),
+    ];
+    columns.extend(names.iter().map(|name| format!("TC {name}")));
+    header(out, &columns);
+    for group in &report.groups {
+        let mut cells = vec![
+            group.name.clone(),
+            counted(group),
+            group.epochs.to_string(),
+            with_interval(group.tc, group.tc_interval, 3),
+        ];
+        cells.extend(
+            group
+                .objects
+                .iter()
+                .map(|o| with_interval(o.tc, o.tc_interval, 3)),
+        );
+        row(out, &cells);
+    }
+    *out += "\n## Tracking errors\n\nMean squared distance in ndc at the last epoch.\n\n";
+    let columns = [
+        "group",
+        "object",
+        "mean",
+        "variance",
+        "median",
+        "quartiles",
+        "IQM trimmed",
+        "IQM between quartiles",
+    ];
+    header(out, &columns.map(str::to_owned));
+    for group in &report.groups {
+        for object in &group.objects {
+            row(
+                out,
+                &[
+                    group.name.clone(),
+                    object.name.clone(),
+                    number(object.mean),
+                    variance(object),
+                    number(object.quartiles.map(|q| q[2])),
+                    quartiles(object),
+                    with_interval(object.iqm_trimmed, object.iqm_interval, 4),
+                    number(object.iqm_window),
+                ],
+            );
+        }
+    }
+}
+
+/// The error of every object and run, where a group has one run at most.
+fn only_errors_table(out: &mut String, report: &RunsReport, names: &[&str]) {
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "Tracking errors: mean squared distance in ndc. {TRACKED}: at most the threshold. {NO_SPREAD}.\n"
+    );
+    let mut columns = vec!["group".to_owned(), "TC".to_owned()];
+    columns.extend(names.iter().map(|name| (*name).to_owned()));
+    header(out, &columns);
+    for group in &report.groups {
+        let mut cells = vec![group.name.clone(), with_interval(group.tc, None, 3)];
+        cells.extend(group.only_errors().map(|(error, object)| {
+            let mark = if object.is_tracked(error) { TRACKED } else { "" };
+            format!("{} {mark}", number(error)).trim_end().to_owned()
+        }));
+        row(out, &cells);
+    }
 }
 
 fn reference_tables(out: &mut String, reference: &ReferenceReport, objects: &[&str]) {

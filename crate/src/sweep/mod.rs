@@ -8,5 +8,5 @@ mod plan;
 mod slurm;
 
 pub use folder::{Claim, RunPlace, State};
-pub use plan::{Plan, PlannedRun, Setting, SettingKind, SweepFile};
+pub use plan::{Plan, PlannedRun, Setting, SettingKind, SweepFile, architecture_named};
 pub use slurm::{Submission, array, script};

@@ -271,10 +271,7 @@ impl Reader<'_> {
         let mut names: Vec<String> = Vec::new();
         for value in self.array(value)? {
             let name = self.string(value)?;
-            SaeConfig::named(name).map_err(|e| {
-                let nearest = nearest(name, architecture_names().iter().map(String::as_str));
-                self.wrong(&value.span(), format!("{e}{nearest}"))
-            })?;
+            architecture_named(name).map_err(|e| self.wrong(&value.span(), e.to_string()))?;
             if names.iter().any(|n| n == name) {
                 return Err(self.wrong(&value.span(), format!("`{name}` is there twice")));
             }
@@ -450,6 +447,17 @@ impl Reader<'_> {
 fn integer(value: &Value) -> Option<u64> {
     let number = value.get_ref().as_integer()?;
     u64::from_str_radix(&number.as_str().replace('_', ""), number.radix()).ok()
+}
+
+/// As [`SaeConfig::named`]; the error names the nearest architecture.
+///
+/// # Errors
+/// When there is no such architecture.
+pub fn architecture_named(name: &str) -> Result<SaeConfig> {
+    SaeConfig::named(name).map_err(|e| {
+        let nearest = nearest(name, architecture_names().iter().map(String::as_str));
+        Error::input(format!("{e}{nearest}"))
+    })
 }
 
 /// Every name that an architecture can have.

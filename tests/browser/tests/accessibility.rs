@@ -208,6 +208,80 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.close().await;
 }
 
+/// What is wider than a phone says so, and is scrolled by keys.
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_wider_than_a_phone_shows_that_it_goes_on() {
+    let page = Page::open().await;
+    let phone = json!({ "width": 320, "height": 640, "deviceScaleFactor": 1, "mobile": true });
+    page.cdp("Emulation.setDeviceMetricsOverride", phone).await;
+    page.click("#try-example").await;
+    page.until_scored().await;
+    let matrix = "document.querySelector('#errors .scroll-region')";
+    page.until(&format!(
+        "{matrix}.dataset.more === 'end' && {matrix}.tabIndex === 0"
+    ))
+    .await;
+    assert_ne!(
+        page.value(&format!("getComputedStyle({matrix}).maskImage")).await,
+        "none"
+    );
+    page.value(&format!("{matrix}.focus()")).await;
+    let element = page.driver.active_element().await.expect("the matrix");
+    element
+        .send_keys("" + thirtyfour::Key::Right)
+        .await
+        .expect("a key");
+    page.until(&format!(
+        "{matrix}.scrollLeft > 0 && {matrix}.dataset.more !== 'end'"
+    ))
+    .await;
+    let window = json!({ "width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": false });
+    page.cdp("Emulation.setDeviceMetricsOverride", window).await;
+    page.until(&format!(
+        "{matrix}.dataset.more === 'none' && !{matrix}.hasAttribute('tabindex')"
+    ))
+    .await;
+
+    // The saved report has no scripts: its tables scroll by themselves, and nothing is cut.
+    let folder = tempfile::tempdir().expect("a folder");
+    let report = folder.path().join("report.html");
+    let shown = [
+        "--sequences",
+        "--context",
+        "--folds",
+        "4",
+        "--bootstrap",
+        "50",
+        "--report",
+    ];
+    eval_example(&[&shown[..], &[&report.to_string_lossy()]].concat());
+    page.cdp(
+        "Emulation.setDeviceMetricsOverride",
+        json!({ "width": 320, "height": 640, "deviceScaleFactor": 1, "mobile": true }),
+    )
+    .await;
+    page.driver
+        .goto(format!("file://{}", report.display()))
+        .await
+        .expect("the report");
+    let cut = "[...document.querySelectorAll('table, svg')].filter((e) => { const place = e.closest('.table, .plate'); \
+               return !place || (place.scrollWidth > place.clientWidth && (getComputedStyle(place).overflowX !== 'auto' || \
+               place.tabIndex !== 0)); }).length";
+    assert_eq!(page.number(cut).await, 0.0);
+    assert!(
+        page.number(
+            "[...document.querySelectorAll('.table')].filter((e) => e.scrollWidth > e.clientWidth).length"
+        )
+        .await
+            > 0.0
+    );
+    assert_eq!(
+        page.value("document.documentElement.scrollWidth <= innerWidth")
+            .await,
+        true
+    );
+}
+
 /// Nothing moves for those who asked for that.
 #[tokio::test(flavor = "multi_thread")]
 async fn reduced_motion_is_respected() {

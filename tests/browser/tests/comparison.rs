@@ -255,6 +255,67 @@ async fn runs_in_an_archive_come_and_go_with_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn two_keypoint_tables_are_compared_by_their_errors() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = text(&example("ground_truth.csv"));
+    let [ours, still] = ["ours.csv", "still.csv"].map(|name| folder.path().join(name));
+    let table = extract_keypoints(&example("frames"), &ours);
+    let stay = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
+        [sequence, frame, n, ..] if n != "keypoint" => format!("{sequence},{frame},{n},0.1,0.{n}\n"),
+        _ => format!("{line}\n"),
+    };
+    fs::write(&still, table.lines().map(stay).collect::<String>()).expect("written");
+
+    let page = Page::open().await;
+    page.pick(&[&example("ground_truth.csv"), &ours, &still]).await;
+    until_compared(&page, 2).await;
+    // What is said of the tables is what is done with them.
+    page.until(
+        "document.querySelector('#problems [data-problem=several-keypoints]').textContent.includes(\
+         'The results are those of ours.csv; both are compared under “Runs side by side”.')",
+    )
+    .await;
+    assert_eq!(
+        page.value("document.querySelector('#files [data-path=\"still.csv\"] .file-role').textContent")
+            .await,
+        "Keypoints, compared"
+    );
+
+    let shown = rows(&page, "only-errors-table").await;
+    for (row, path) in shown.iter().zip([&ours, &still]) {
+        let scored = tracklens_json(&["score", "--truth", &truth, "--keypoints", &text(path)]);
+        for (cell, object) in row[2..]
+            .iter()
+            .zip(scored["objects"].as_array().expect("objects"))
+        {
+            let (number, mark) = cell.split_once(' ').unwrap_or((cell, ""));
+            let error = object["error"].as_f64().expect("a number");
+            let found: f64 = number.parse().expect("a number");
+            assert!((found - error).abs() <= 0.005 * error, "{found} {error}");
+            assert_eq!(mark.starts_with('✓'), object["tracked"] == true, "{row:?}");
+        }
+    }
+    assert_eq!(shown.len(), 2);
+    for absent in [
+        "#capability-table",
+        "#error-table",
+        "[data-figure=tracking-capability]",
+    ] {
+        let found = format!("document.querySelector('#comparison {absent}')");
+        assert_eq!(page.value(&found).await, json!(null), "{absent}");
+    }
+
+    page.click("#problems [data-problem=several-keypoints] button.link")
+        .await;
+    page.until(
+        "document.querySelector('#problems [data-problem=several-keypoints]').textContent.includes(\
+         'The results are those of still.csv')",
+    )
+    .await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn several_keypoint_tables_are_runs_of_one_comparison() {
     let folder = tempfile::tempdir().expect("a folder");
     let truth = text(&example("ground_truth.csv"));

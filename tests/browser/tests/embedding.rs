@@ -96,6 +96,28 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
     .await;
     page.until("document.querySelector('output').value.includes('files[0]: expected')")
         .await;
+
+    // Options that cannot be scored are said, too, and put back by a click.
+    let files: Vec<Value> = [("ground_truth.csv", &gt), ("keypoints.csv", &kp)]
+        .map(|(path, file)| json!({ "path": path, "data": fs::read_to_string(file).expect("a table") }))
+        .into();
+    let open = json!({ "tracklens": 1, "type": "open", "files": files, "options": { "thresholds": { "cube": -1 } } });
+    page.value(&send(frame, open)).await;
+    page.until("document.querySelector('output').value.includes('expected a positive number')")
+        .await;
+    let inside = page.driver.find(By::Css("iframe")).await.expect("a frame");
+    inside.enter_frame().await.expect("the frame");
+    assert_eq!(
+        page.value("document.querySelector('#results').dataset.tc ?? null")
+            .await,
+        Value::Null
+    );
+    page.click("#problems [data-problem=evaluation] button.link")
+        .await;
+    page.until_scored().await;
+    page.until("!document.querySelector('#problems [data-problem=evaluation]')")
+        .await;
+    page.driver.enter_default_frame().await.expect("the page");
     page.value(&send(
         frame,
         json!({ "tracklens": 1, "type": "open", "files": [{ "path": "a.txt", "data": "none" }] }),

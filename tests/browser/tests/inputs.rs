@@ -6,10 +6,15 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use tracklens_page_tests::{
-    Page, eval, eval_example, example, extract_keypoints, parsed, text, tracklens, tracklens_json,
+    Browser, Page, eval, eval_example, example, extract_keypoints, in_every_browser, parsed, text, tracklens,
+    tracklens_json,
 };
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+in_every_browser! {
+    pixels_without_frames_ask_for_the_size_of_the_images
+}
 
 /// Relative, of errors: f32 convolutions differ in the last digits between native and WebAssembly kernels.
 const ERRORS: f64 = 1e-6;
@@ -100,6 +105,82 @@ async fn correct(page: &Page, role: &str, name: &str, value: &str) {
 
 /// The text of the page's list of files.
 const FILES: &str = "document.querySelector('#files').textContent";
+
+/// Enters the size of the images at the file that asks for it.
+async fn enter_size(page: &Page, sides: [&str; 2]) {
+    for (name, value) in ["width", "height"].iter().zip(sides) {
+        page.value(&format!(
+            "(() => {{ const field = document.querySelector('#files [name=image-{name}]'); field.value = '{value}'; \
+             field.dispatchEvent(new Event('change', {{ bubbles: true }})); }})()"
+        ))
+        .await;
+    }
+}
+
+async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) {
+    let folder = Folder::new();
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+    for t in 0..30 {
+        let (s, c) = (f64::from(t) * 0.37).sin_cos();
+        truth += &format!("a,{t},cube,{},{}\n", 160.0 + 100.0 * s, 100.0 + 60.0 * c);
+        keypoints += &format!("a,{t},0,{},{}\n", 0.5 * c + 0.05 * s * s, -0.4 * s);
+    }
+    let [truth, keypoints] =
+        [("gt.csv", truth), ("kp.csv", keypoints)].map(|(name, table)| folder.put(name, table.as_bytes()));
+    let page = Page::open_in(browser).await;
+    page.pick(&[&truth, &keypoints]).await;
+    page.until_scored().await;
+    correct(&page, "ground-truth", "space", "px").await;
+    page.until(
+        "document.querySelector('#problems').textContent.includes('the size of the images is not known')",
+    )
+    .await;
+    // The way to the field from there.
+    page.click("#problems [data-problem='broken gt.csv'] button.link")
+        .await;
+    assert_eq!(page.value("document.activeElement.name").await, "image-width");
+
+    enter_size(&page, ["320", "0"]).await;
+    page.until(
+        "document.querySelector('.image-size .hint').textContent.startsWith('Expected whole numbers')",
+    )
+    .await;
+    enter_size(&page, ["320", "200"]).await;
+    page.until_scored().await;
+    let [truth, keypoints] = [truth, keypoints].map(|path| path.to_string_lossy().into_owned());
+    let arguments = [
+        "score",
+        "--truth",
+        &truth,
+        "--keypoints",
+        &keypoints,
+        "--space",
+        "px",
+        "--image-size",
+        "320x200",
+    ];
+    let expected = tracklens_json(&arguments);
+    shows(&page, &expected, 1e-12).await;
+    assert_eq!(
+        page.value("document.querySelector('#problems').textContent")
+            .await,
+        ""
+    );
+    let command = page.value("document.querySelector('#command').textContent").await;
+    assert_eq!(
+        command,
+        "tracklens score --truth gt.csv --keypoints kp.csv --image-size 320x200 --space px"
+    );
+    // Another size is another score.
+    enter_size(&page, ["320", "240"]).await;
+    let other = expected["objects"][0]["error"].as_f64().expect("a number");
+    page.until(&format!(
+        "Math.abs(Number(document.querySelector('.card').dataset.error) - {other}) > 0.01 * {other}"
+    ))
+    .await;
+    page.close().await;
+}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_archive_of_folders_and_of_archives_scores_as_the_folder() {

@@ -70,6 +70,8 @@ in_every_browser! {
     the_example_is_one_click_away_and_thresholds_act_at_once
     keypoints_take_the_place_of_frames_and_checkpoint
     bad_tables_and_checkpoints_are_told_and_replaced
+    own_files_take_the_place_of_the_example
+    what_is_wrong_stands_over_the_results_and_goes_with_its_cause
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -131,6 +133,8 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     assert_eq!(page.value(&set("eef", "0.000001")).await, (2.0 / 3.0).to_string());
     // What cannot be a threshold changes nothing.
     assert_eq!(page.value(&set("eef", "-3")).await, (2.0 / 3.0).to_string());
+    page.until("document.querySelector('#threshold-eef-hint').textContent === 'Expected a number above 0; 0.000001 still holds.'")
+        .await;
     assert_eq!(page.value("document.querySelector('#threshold-eef').ariaInvalid ?? document.querySelector('#threshold-eef').getAttribute('aria-invalid')").await, "true");
 
     // The transform acts at once, too, and equals the command's.
@@ -326,6 +330,100 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced(browser: Browser) {
     page.until("document.querySelectorAll('.card').length === 3")
         .await;
     shows(&page, &evaluation_of_the_example(), ERRORS).await;
+    page.close().await;
+}
+
+async fn own_files_take_the_place_of_the_example(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let folder = tables();
+    let [truth, keypoints, notes] = ["gt.csv", "kp.csv", "notes.pdf"].map(|name| folder.path().join(name));
+    fs::write(&notes, "no table").expect("written");
+    page.click("#try-example").await;
+    page.until_scored().await;
+    // What is of no use replaces nothing.
+    page.pick(&[&notes]).await;
+    page.until("document.querySelector('#problems [data-problem=nothing]')")
+        .await;
+    assert_eq!(
+        page.number("document.querySelectorAll('.card').length").await,
+        3.0
+    );
+
+    page.pick(&[&truth]).await;
+    page.until("document.querySelector('#problems [data-problem=example]')")
+        .await;
+    assert_eq!(
+        page.value("[...document.querySelectorAll('#files > li')].map((item) => item.dataset.path)")
+            .await,
+        serde_json::json!(["gt.csv"])
+    );
+    assert_eq!(
+        page.value("document.querySelector('#results').hidden").await,
+        true
+    );
+    // The next files join the first ones.
+    page.pick(&[&keypoints]).await;
+    page.until_scored().await;
+    let [own_truth, own_keypoints] = [&truth, &keypoints].map(|path| text(path));
+    let expected = tracklens_json(&["score", "--truth", &own_truth, "--keypoints", &own_keypoints]);
+    shows(&page, &expected, 1e-12).await;
+    assert_eq!(
+        page.value("document.querySelector('#problems [data-problem=example]')")
+            .await,
+        Value::Null
+    );
+
+    // And back.
+    page.click("#try-example").await;
+    page.until("document.querySelectorAll('.card').length === 3")
+        .await;
+    page.pick(&[&truth]).await;
+    page.click("#problems [data-problem=example] button.link").await;
+    page.until("document.querySelectorAll('.card').length === 3")
+        .await;
+    page.close().await;
+}
+
+async fn what_is_wrong_stands_over_the_results_and_goes_with_its_cause(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let folder = tables();
+    let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
+    let good = fs::read_to_string(&truth).expect("a table");
+    let problem = "document.querySelector('#problems [data-problem=\"broken gt.csv\"]')";
+    let write_broken = || fs::write(&truth, good.replacen("cube,", "cube,abc", 1)).expect("written");
+
+    write_broken();
+    page.pick(&[&truth, &keypoints]).await;
+    page.until(&format!("{problem}?.textContent.includes('line 2')"))
+        .await;
+    page.until("document.querySelector('#missing').textContent.includes('gt.csv cannot be used')")
+        .await;
+    page.value(&format!("{problem}.querySelector('button.link').click()"))
+        .await;
+    assert_eq!(page.value("document.activeElement.dataset.path").await, "gt.csv");
+
+    fs::write(&truth, &good).expect("written");
+    page.pick(&[&truth]).await;
+    page.until_scored().await;
+    page.until(&format!("!{problem}")).await;
+    page.until("document.querySelector('#status').textContent.startsWith('Tracking capability')")
+        .await;
+
+    // A score that is gone leaves nothing behind that says it is there.
+    write_broken();
+    page.pick(&[&truth]).await;
+    page.until(&format!("{problem}?.getAttribute('role') === 'alert'"))
+        .await;
+    page.until(
+        "document.querySelector('#results').hidden && document.querySelector('#results').dataset.tc === undefined && \
+         !document.querySelector('#status').textContent.startsWith('Tracking capability')",
+    )
+    .await;
+    page.value(&format!(
+        "{problem}.querySelector('[aria-label=Dismiss]').click()"
+    ))
+    .await;
+    page.until(&format!("!{problem}")).await;
     page.close().await;
 }
 

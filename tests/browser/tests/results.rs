@@ -185,6 +185,36 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
         "TC",
     );
 
+    // The intervals are of the errors on the frames fitted on, and stand beside those alone.
+    assert_eq!(
+        page.value("document.querySelector('.card .error-interval').hidden")
+            .await,
+        true
+    );
+    let facts = page
+        .value("[...document.querySelectorAll('.card dl div')].slice(0, 2).map((fact) => fact.textContent)")
+        .await;
+    assert!(
+        facts[0]
+            .as_str()
+            .expect("text")
+            .starts_with("On the frames fitted on")
+            && facts[1]
+                .as_str()
+                .expect("text")
+                .starts_with("95 % interval there"),
+        "{facts}"
+    );
+    let beside = page
+        .value("document.querySelector('#tc-interval').textContent")
+        .await;
+    let fitted = result["tc"].as_f64().expect("a number");
+    let beside = beside.as_str().expect("text");
+    assert!(
+        beside.starts_with(&format!("On the frames fitted on {fitted:.2}, 95 % interval")),
+        "{beside}"
+    );
+
     catch_files(&page).await;
     let file = saved(&page, "#save-evaluation", "evaluation.json").await;
     let ours: Value = serde_json::from_str(file["text"].as_str().expect("text")).expect("JSON");

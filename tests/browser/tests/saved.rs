@@ -195,7 +195,7 @@ async fn several_saved_evaluations_are_compared() {
             assert!((found - error).abs() <= 0.005 * error, "{name}: {found} {error}");
         }
     }
-    let groups: Vec<String> = rows("capability-table")
+    let groups: Vec<String> = rows("only-errors-table")
         .await
         .iter()
         .map(|row| row[0].clone())
