@@ -434,6 +434,14 @@ fn keypoints_can_go_to_the_standard_output() {
         "{}",
         stderr(&piped)
     );
+    // Where there are the results of `eval` already.
+    let mixed = eval(&checkpoint(), &["--keypoints-out", "-"]);
+    assert_eq!(mixed.status.code(), Some(2));
+    assert!(
+        stderr(&mixed).contains("keypoints would mix with the results"),
+        "{}",
+        stderr(&mixed)
+    );
     assert!(!Path::new("-").exists());
 }
 

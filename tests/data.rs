@@ -391,6 +391,18 @@ fn photos_are_decoded_as_by_pillow() {
         );
         println!("frame {i}, {ending}: mean {:.3}, largest {}", found.0, found.1);
         assert!(found.0 <= mean && found.1 <= largest, "frame {i}: {found:?}");
+        // Cut short anywhere.
+        let whole = std::fs::read(folder.join(format!("seq_0000/frame_{i:03}.{ending}"))).expect("a file");
+        for percent in [30, 50, 90, 99] {
+            let part = &whole[..whole.len() * percent / 100];
+            let Err(error) = Frame::decode(part) else {
+                panic!("frame {i} is whole with {percent} % of its bytes");
+            };
+            assert!(
+                error.to_string().contains("is the file complete"),
+                "frame {i}: {error}"
+            );
+        }
         // An array of the same pixels.
         assert_eq!(Frame::decode(&ours.to_npy()).expect("an array").rgb(), ours.rgb());
     }

@@ -50,10 +50,20 @@ pub(super) struct EvalArguments {
     #[arg(long, value_name = "GT.csv")]
     truth: Option<PathBuf>,
     /// Also write the keypoints to this file
-    #[arg(long, value_name = "KP.csv")]
+    #[arg(long, value_name = "KP.csv", value_parser = parse_file)]
     keypoints_out: Option<PathBuf>,
     #[command(flatten)]
     scoring: ScoringArguments,
+}
+
+/// The path of a file, where the standard output has something else already.
+fn parse_file(text: &str) -> Result<PathBuf> {
+    if text == STANDARD_OUTPUT {
+        return Err(Error::input(
+            "keypoints would mix with the results on the standard output; give a file, or use `tracklens extract --out -`",
+        ));
+    }
+    Ok(PathBuf::from(text))
 }
 
 /// Where keypoints come from; shared by `extract` and `eval`.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io::Cursor;
 
 use ::image::codecs::png::PngEncoder;
-use ::image::{ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageReader, Limits};
+use ::image::{ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageFormat, ImageReader, Limits};
 
 use super::resize::{Filter, resize_planar};
 use crate::error::{Error, Result};
@@ -103,6 +103,12 @@ impl Frame {
                 bytes.len()
             )));
         }
+        if reader.format() == Some(ImageFormat::Jpeg) && !is_whole_jpeg(bytes) {
+            return Err(Error::input(format!(
+                "the JPEG image ends before its end marker; is the file complete ({} bytes)?",
+                bytes.len()
+            )));
+        }
         let damaged = |e: ::image::ImageError| {
             if let ::image::ImageError::Unsupported(e) = &e {
                 let advice = if cfg!(feature = "jpeg-webp") {
@@ -188,6 +194,28 @@ impl Frame {
             Some(size) if size != own => resize_planar(&planar, own, size, filter),
             _ => planar,
         }
+    }
+}
+
+/// Whether a JPEG image goes on to its end marker: the decoder makes grey of what is missing and says nothing.
+fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    // The start marker has no content.
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    loop {
+        // Behind the head of a scan are its data, in which 0xff is followed by 0 or a restart marker.
+        let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0 | 0xd0..=0xd7 | 0xff);
+        let Some(at) = rest.windows(2).position(is_marker) else {
+            return false;
+        };
+        if rest[at + 1] == 0xd9 {
+            return true;
+        }
+        rest = &rest[at + 2..];
+        let Some([high, low]) = rest.first_chunk() else {
+            return false;
+        };
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        rest = rest.get(length..).unwrap_or_default();
     }
 }
 
