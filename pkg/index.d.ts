@@ -272,6 +272,9 @@ export class Encoder {
  */
 export function imageToArray(image: Uint8Array, name: string): Uint8Array;
 
+/** Bytes of memory that this instance of the part `images` holds. It never shrinks. */
+export function decodingMemory(): number;
+
 /** Whether it is the beginning of a JPEG or WebP image, which {@link imageToArray} has to decode. Needs no part. */
 export function needsDecoding(image: Uint8Array): boolean;
 

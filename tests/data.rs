@@ -357,8 +357,9 @@ fn bad_images_are_told_with_what_was_expected() {
     assert!(message(&blank_png(20_000, 20_000)).contains("the image is 20000 x 20000 pixels"));
 }
 
-/// WebP defines every bit. JPEG's inverse transform may be off by 1, and the conversion of colours makes 3 of it (4:4:4); of
-/// 4:2:0 the halved colours are spread by filters that round once more.
+/// Both decoders of WebP are bit-exact and spread halved colours alike. JPEG's inverse transform may be off by 1, and the
+/// conversion of colours makes 3 of it (4:4:4); of 4:2:0 the halved colours are spread by filters that round once more. Few
+/// numbers are off at all.
 #[test]
 fn photos_are_decoded_as_by_pillow() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/photos");

@@ -1,7 +1,12 @@
 // @ts-check
 /** Images for the extraction, in workers. */
 
-import init, { imageToArray, needsDecoding } from "./pkg/index.js";
+import init, { decodingMemory, imageToArray, needsDecoding } from "./pkg/index.js";
+
+/** The part of the package cannot be loaded: no fault of an image. */
+export class PartError extends Error {}
+
+let isLoaded = false;
 
 /**
  * The image as the extraction reads it: JPEG and WebP are decoded by a part of the package that is fetched for the first
@@ -11,6 +16,14 @@ import init, { imageToArray, needsDecoding } from "./pkg/index.js";
  */
 export async function decodable(image, path) {
   if (!needsDecoding(image)) return image;
-  await init(["images"]);
+  await init(["images"]).catch((error) => {
+    throw new PartError(`JPEG and WebP images need a part of the page that is not there: ${error.message}`);
+  });
+  isLoaded = true;
   return imageToArray(image, path);
+}
+
+/** Bytes that decoding takes here; they are never given back. */
+export function memoryOfDecoding() {
+  return isLoaded ? decodingMemory() : 0;
 }

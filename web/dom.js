@@ -101,12 +101,21 @@ export function notice(kind, text, { action, dismiss, class: extra, isQuiet = fa
   );
 }
 
+/** What is to be announced together. @type {string[]} */
+let announcements = [];
+
 /**
- * Says something to screen readers without moving the focus.
+ * Says something to screen readers without moving the focus. All that is announced in one go is said in one.
  * @param {string} text
  */
 export function announce(text) {
-  byId("status").textContent = text;
+  if (announcements.length === 0) {
+    queueMicrotask(() => {
+      byId("status").textContent = announcements.join(" ");
+      announcements = [];
+    });
+  }
+  announcements.push(text);
 }
 
 /** @param {Child[]} children */

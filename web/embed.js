@@ -47,7 +47,7 @@ export function embed(session, origin) {
   const complain = () => {
     const problems = [
       ...Array.from(session.problems.values(), ({ text }) => text),
-      ...session.entries.map(({ error }) => error).filter(Boolean),
+      ...session.broken.map(({ error }) => error),
       ...session.needs.filter(({ met }) => !met).map(({ label }) => `needed for a score: ${label}`),
     ];
     say({ type: "problem", problems });

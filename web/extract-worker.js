@@ -1,18 +1,19 @@
 // @ts-check
 /** A worker of `extraction-pool.js`: its own instance of the extraction, one encoder, a frame at a time. */
 
-import { decodable } from "./decodable.js";
+import { PartError, decodable, memoryOfDecoding } from "./decodable.js";
 import init, { Encoder, extractionMemory } from "./pkg/index.js";
 
 /**
  * @typedef {{ path: string, blob: Blob }} File
- * `refuse`: what was to be extracted could not be unpacked.
+ * `refuse`: what was to be extracted could not be unpacked. `lacking`: what the worker itself needs is not there.
  * @typedef {{ type: "open", module: WebAssembly.Module, source: File } | { type: "extract", source: File }
  *   | { type: "refuse", message: string }} Request
  * @typedef {{ type: "started" }
  *   | { type: "opened", info: import("./pkg/index.js").EncoderInfo, memory: number }
  *   | ({ type: "extracted", memory: number } & import("./extractor.js").Extracted)
  *   | { type: "failed", message: string }
+ *   | { type: "lacking", message: string }
  *   | { type: "crashed", message: string }} Reply
  */
 
@@ -64,9 +65,10 @@ async function answer(request, bytes) {
     const extraction = encoder.extract(await decodable(await bytes, path), path);
     const { points, width, height } = extraction;
     extraction.free();
-    return { type: "extracted", points, width, height, memory: extractionMemory() };
+    return { type: "extracted", points, width, height, memory: extractionMemory() + memoryOfDecoding() };
   } catch (error) {
     const message = error instanceof Error ? error.message : String(error);
+    if (error instanceof PartError) return { type: "lacking", message };
     if (!(error instanceof WebAssembly.RuntimeError)) return { type: "failed", message };
     // After a trap the instance is in an unknown state.
     return { type: "crashed", message: `${message}, as when memory runs out` };

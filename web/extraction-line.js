@@ -26,6 +26,8 @@ export class Line {
   onResult = () => {};
   /** Called once, when the worker broke down or ended without being asked to. @type {(message: string) => void} */
   onDeath = () => {};
+  /** Called once, when something that no image is to blame for keeps all workers from going on. @type {(message: string) => void} */
+  onLack = () => {};
 
   #name = globalThis.crypto?.randomUUID?.() ?? "";
   #worker = new Worker(new URL("./extract-worker.js", import.meta.url), { type: "module", name: this.#name });
@@ -99,6 +101,10 @@ export class Line {
         return;
       case "crashed":
         this.#die(reply.message);
+        return;
+      case "lacking":
+        this.close();
+        this.onLack(reply.message);
         return;
       case "failed":
         if (this.dealt.length === 0) {

@@ -173,6 +173,10 @@ export class Run {
     this.#lines.add(line);
     line.onResult = (frame, result) => this.#answered(line, frame, result);
     line.onDeath = (message) => this.#died(line, message);
+    line.onLack = (message) => {
+      this.#lines.delete(line);
+      this.#fail(`${message}. What is done is kept; try again.`);
+    };
   }
 
   /**

@@ -265,7 +265,11 @@ function sizeField(session, { path }) {
     const isEmpty = width.value === "" || height.value === "";
     const isValid = size.every((pixels) => Number.isInteger(pixels) && pixels > 0);
     hint.textContent = isEmpty || isValid ? "" : "Expected whole numbers of pixels above 0.";
-    if (isValid) void session.setImageSize(size);
+    for (const [i, input] of [width, height].entries()) {
+      input.setAttribute("aria-invalid", String(input.value !== "" && !(size[i] > 0 && Number.isInteger(size[i]))));
+    }
+    const isTakenBack = width.value === "" && height.value === "" && session.saidSize !== undefined;
+    if (isValid || isTakenBack) void session.setImageSize(isValid ? size : undefined);
   };
   return h(
     "fieldset",
@@ -484,7 +488,14 @@ function showProblems(session) {
   );
   const elements = problemsOf(session).map(({ key, kind, text, action, dismiss }) => {
     const known = before.get(`${key} ${text}`);
-    const element = known ?? notice(kind, text, { action, dismiss });
+    // What the problem of this name asks for when it is clicked: files may have been replaced since it was first told.
+    const now = () => problemsOf(session).find((problem) => problem.key === key);
+    const element =
+      known ??
+      notice(kind, text, {
+        action: action && { label: action.label, run: () => now()?.action?.run() },
+        dismiss: dismiss && (() => now()?.dismiss?.()),
+      });
     // An error is an alert, which speaks for itself.
     if (!known && kind !== "error") announce(text);
     Object.assign(/** @type {HTMLElement} */ (element).dataset, { problem: key, text });

@@ -439,7 +439,8 @@ export class Score extends EventTarget {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
       const defaults = this.scoring.evaluate(this.#mapOptions());
       this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
-      if (this.problems.delete("evaluation")) this.emit("files");
+      const [failed, undrawn] = ["evaluation", "intervals"].map((key) => this.problems.delete(key));
+      if (failed || undrawn) this.emit("files");
     } catch (error) {
       this.evaluation = null;
       this.report("evaluation", "error", messageOf(error), {

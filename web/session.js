@@ -230,7 +230,8 @@ export class Session extends Score {
   }
 
   /**
-   * Reads positions in pixels as those of images of this size, where there are no images that tell it.
+   * Reads positions in pixels as those of images of this size, where there are no images that tell it; `undefined` takes
+   * back what was said.
    * @param {[number, number] | undefined} size
    */
   setImageSize(size) {
@@ -291,6 +292,7 @@ export class Session extends Score {
   clear() {
     this.#generation++;
     this.#empty();
+    this.resetOptions();
     for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
   }
 
@@ -327,7 +329,6 @@ export class Session extends Score {
     this.frames = null;
     this.frameSources = [];
     this.join = null;
-    this.resetOptions();
     this.#paused = false;
     this.#excludeNonFinite = false;
     this.#dismissed.clear();

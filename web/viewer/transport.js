@@ -36,7 +36,8 @@ export function transport(session, prepare, settings, onSetting) {
     goTo(to);
     const range = sequence();
     const step = index() - before;
-    if (!range || step === 0) return;
+    // After a jump nobody knows where the next one leads.
+    if (!range || step === 0 || Math.abs(step) > FAR) return;
     for (let ahead = 1; ahead <= AHEAD; ahead++) {
       const next = index() + ahead * step;
       if (next >= 0 && next < range.length) prepare(range.start + next);

@@ -11,7 +11,16 @@ use crate::steps::Steps;
 use crate::workspace::Workspace;
 
 /// Features that have to stand alone, without what the others or the tests' dependencies happen to switch on.
-const FEATURES: [&str; 7] = ["data", "hdf5", "engine", "report", "model", "train", "cli"];
+const FEATURES: [&str; 8] = [
+    "data",
+    "jpeg-webp",
+    "hdf5",
+    "engine",
+    "report",
+    "model",
+    "train",
+    "cli",
+];
 
 const DENY_WARNINGS: [&str; 3] = ["--", "-D", "warnings"];
 

@@ -107,7 +107,7 @@ pub(super) fn parse_threshold(text: &str) -> Result<(String, f64)> {
     match value.parse::<f64>() {
         Ok(number) if number.is_finite() && number > 0.0 => Ok((name.to_owned(), number)),
         Ok(_) => Err(Error::input(format!(
-            "the threshold of `{name}` is {value}, which no error can be up to; {EXPECTED}"
+            "the threshold of `{name}` is {value}, which is not a finite number above 0; {EXPECTED}"
         ))),
         Err(_) => Err(Error::input(format!(
             "the threshold of `{name}` is `{value}`, which is no number; {EXPECTED}"

@@ -103,7 +103,8 @@ impl Frame {
                 bytes.len()
             )));
         }
-        if reader.format() == Some(ImageFormat::Jpeg) && !is_whole_jpeg(bytes) {
+        let format = reader.format();
+        if format == Some(ImageFormat::Jpeg) && !is_whole_jpeg(bytes) {
             return Err(Error::input(format!(
                 "the JPEG image ends before its end marker; is the file complete ({} bytes)?",
                 bytes.len()
@@ -111,10 +112,11 @@ impl Frame {
         }
         let damaged = |e: ::image::ImageError| {
             if let ::image::ImageError::Unsupported(e) = &e {
-                let advice = if cfg!(feature = "jpeg-webp") {
-                    "save it as PNG"
-                } else {
+                let is_left_out = matches!(format, Some(ImageFormat::Jpeg | ImageFormat::WebP));
+                let advice = if is_left_out {
                     "decode it with `imageToArray` of the part `images` (feature `jpeg-webp`), or save it as PNG"
+                } else {
+                    "save it as PNG"
                 };
                 return Error::input(format!("the image cannot be decoded ({e}); {advice}"));
             }

@@ -31,7 +31,7 @@ pub trait Extractor {
     /// Where the latent points lie in an image of `[width, height]`.
     fn grid(&self, image_size: [u32; 2]) -> LatentGrid;
 
-    /// Decodes an image (PNG, JPEG, WebP) and extracts its keypoints.
+    /// Decodes an image ([`Frame::decode`]) and extracts its keypoints.
     ///
     /// # Errors
     /// When the image cannot be decoded or the keypoints are not finite.

@@ -24,8 +24,7 @@ pub struct Encoder {
 /// Bytes of memory that this instance of the extraction holds: weights, and what its largest frame took. It never shrinks.
 #[wasm_bindgen(js_name = extractionMemory)]
 pub fn extraction_memory() -> f64 {
-    const PAGE: usize = 64 * 1024;
-    (core::arch::wasm32::memory_size::<0>() * PAGE) as f64
+    super::memory()
 }
 
 /// One frame's keypoints.

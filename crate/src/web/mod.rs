@@ -43,6 +43,13 @@ fn start() {
     console_error_panic_hook::set_once();
 }
 
+/// Bytes of memory of this instance.
+#[cfg(any(feature = "web-extraction", feature = "web-images"))]
+fn memory() -> f64 {
+    const PAGE: usize = 64 * 1024;
+    (core::arch::wasm32::memory_size::<0>() * PAGE) as f64
+}
+
 /// A JavaScript `Error` with the message and the kind.
 fn js_error(error: &Error) -> JsValue {
     let kind = match error.kind() {

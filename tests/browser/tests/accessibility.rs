@@ -280,6 +280,7 @@ async fn what_is_wider_than_a_phone_shows_that_it_goes_on() {
             .await,
         true
     );
+    page.close().await;
 }
 
 /// Nothing moves for those who asked for that.

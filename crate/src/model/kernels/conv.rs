@@ -1,6 +1,7 @@
 //! Convolution and its gradients on slices, in the layout of the tensors: images x channels x rows x columns.
 //!
-//! Forward and gradient of the input are the same thing, a [`Correlation`]: an image is copied into a frame of
+//! Layers of common shapes go by tiles (`winograd`). For all others, forward and gradient of the input are the same thing, a
+//! [`Correlation`]: an image is copied into a frame of
 //! zeros, a band of rows at a time, and every tap of the filter then is a shift of the band. Columns that would
 //! wrap around the frame are computed and dropped. A stride splits the source (forward) or the result (gradient)
 //! into phases, each of which is a correlation with stride 1.

@@ -33,7 +33,7 @@ pub(super) struct Tiled {
 
 impl Tiled {
     /// The convolution of `batch` images with the filters that `at` gives by output, input, row and column; `None` where
-    /// there are no tiles for it, or where they are not worth it.
+    /// there are no tiles for it, where they are not worth it, or where there is no memory for the transformed filters.
     pub fn new(
         batch: usize,
         [source, output]: [[usize; 3]; 2],
@@ -143,7 +143,7 @@ const CELLS: usize = 4;
 
 const PLACES: usize = SIDE * SIDE;
 
-/// Tiles that are summed up at a time, at least: what is loaded and stored for it should be little beside the sums.
+/// Tiles that are summed up at a time, about: what is loaded and stored for it should be little beside the sums.
 const TILES: usize = 64;
 
 /// The gradient of the weights by tiles: the inputs are transformed as they are forwards, the gradients of the outputs as
@@ -425,7 +425,8 @@ impl Points<SIDE> for Inputs {
     }
 }
 
-/// The transpose of the transform of the outputs: the polynomial of the cells at the tile's points.
+/// The transpose of the transform of the outputs: the polynomial of the cells at the tile's points, of which the near ones
+/// are 1 and -1.
 struct Gradients;
 
 impl Points<CELLS> for Gradients {
