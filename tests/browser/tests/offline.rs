@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::{Duration, SystemTime};
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -154,6 +155,12 @@ async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     let style = fs::read_to_string(site_copy.join("style.css")).expect("a style");
     change(&site_copy, "style.css", "\n:root {", ":root {", &style);
     change(&site_copy, "index.html", old, new, &index);
+    // A deployment of a later time: hosts tell changes apart by the second.
+    let later = SystemTime::now() + Duration::from_secs(10);
+    for name in ["style.css", "index.html", "service-worker.js"] {
+        let file = fs::File::options().append(true).open(site_copy.join(name));
+        file.and_then(|file| file.set_modified(later)).expect("dated");
+    }
     // Asked again and again: a browser that is just looking, as it does after a visit, may have seen the state before.
     page.until(&format!(
         "{update}.then(() => !document.querySelector('#update').hidden)"
