@@ -262,11 +262,12 @@ function sizeField(session, { path }) {
   const [width, height] = [side("width", session.saidSize?.[0]), side("height", session.saidSize?.[1])];
   const take = () => {
     const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
+    const isSide = (/** @type {number} */ pixels) => Number.isInteger(pixels) && pixels > 0;
     const isEmpty = width.value === "" || height.value === "";
-    const isValid = size.every((pixels) => Number.isInteger(pixels) && pixels > 0);
+    const isValid = size.every(isSide);
     hint.textContent = isEmpty || isValid ? "" : "Expected whole numbers of pixels above 0.";
     for (const [i, input] of [width, height].entries()) {
-      input.setAttribute("aria-invalid", String(input.value !== "" && !(size[i] > 0 && Number.isInteger(size[i]))));
+      input.setAttribute("aria-invalid", String(input.value !== "" && !isSide(size[i])));
     }
     const isTakenBack = width.value === "" && height.value === "" && session.saidSize !== undefined;
     if (isValid || isTakenBack) void session.setImageSize(isValid ? size : undefined);

@@ -78,24 +78,24 @@ async function serve(path) {
  */
 async function keep(cache, path) {
   const url = urlOf(path);
-  const { hash } = SITE.files[path];
-  const isRight = async (/** @type {ArrayBuffer | undefined} */ content) => content !== undefined && (await sha256(content)) === hash;
-  let found = await caches.match(url);
-  let bytes = await found?.arrayBuffer();
+  const ask = async (/** @type {RequestCache} */ mode) => {
+    const answer = await fetch(url, { cache: mode });
+    if (!answer.ok) throw new Error(`${path} could not be fetched: status ${answer.status}`);
+    return answer;
+  };
   // A host that tells changes apart by the second may call an old file unchanged; then it is asked for the whole file.
-  for (const mode of /** @type {const} */ (["no-cache", "reload"])) {
-    if (found && (await isRight(bytes))) break;
-    found = await fetch(url, { cache: mode });
-    if (!found.ok) throw new Error(`${path} could not be fetched: status ${found.status}`);
-    bytes = await found.arrayBuffer();
+  for (const source of [() => caches.match(url), () => ask("no-cache"), () => ask("reload")]) {
+    const found = await source();
+    const bytes = await found?.arrayBuffer();
+    if (!found || !bytes || (await sha256(bytes)) !== SITE.files[path].hash) continue;
+    // What is kept is the content: not compressed any more, and from here even where the host redirected.
+    const headers = new Headers(found.headers);
+    for (const name of ["content-encoding", "content-length"]) headers.delete(name);
+    const response = new Response(bytes, { headers });
+    await cache.put(url, response.clone());
+    return response;
   }
-  if (!found || !(await isRight(bytes))) throw new Error(`${path} is of another version of the page`);
-  // What is kept is the content: not compressed any more, and from here even where the host redirected.
-  const headers = new Headers(found.headers);
-  for (const name of ["content-encoding", "content-length"]) headers.delete(name);
-  const response = new Response(bytes, { headers });
-  await cache.put(url, response.clone());
-  return response;
+  throw new Error(`${path} is of another version of the page`);
 }
 
 /** @param {string} path */

@@ -112,7 +112,8 @@ impl Frame {
         }
         let damaged = |e: ::image::ImageError| {
             if let ::image::ImageError::Unsupported(e) = &e {
-                let is_left_out = matches!(format, Some(ImageFormat::Jpeg | ImageFormat::WebP));
+                let is_left_out = !cfg!(feature = "jpeg-webp")
+                    && matches!(format, Some(ImageFormat::Jpeg | ImageFormat::WebP));
                 let advice = if is_left_out {
                     "decode it with `imageToArray` of the part `images` (feature `jpeg-webp`), or save it as PNG"
                 } else {

@@ -35,6 +35,20 @@ pub fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
+/// Copies a folder with all that is in it.
+pub fn copy_folder(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("a folder");
+    for entry in fs::read_dir(from).expect("a folder") {
+        let entry = entry.expect("an entry");
+        let (path, to) = (entry.path(), to.join(entry.file_name()));
+        if path.is_dir() {
+            copy_folder(&path, &to);
+        } else {
+            fs::copy(path, to).expect("copied");
+        }
+    }
+}
+
 /// Checkpoint, frames and ground truth of the example.
 pub fn example_inputs() -> [PathBuf; 3] {
     ["checkpoint.safetensors", "frames", "ground_truth.csv"].map(example)

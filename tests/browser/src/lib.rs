@@ -7,8 +7,8 @@ mod server;
 
 pub use browser::Browser;
 pub use command::{
-    eval, eval_example, example_inputs, extract_keypoints, parsed, same_keypoints, text, tracklens,
-    tracklens_json,
+    copy_folder, eval, eval_example, example_inputs, extract_keypoints, parsed, same_keypoints, text,
+    tracklens, tracklens_json,
 };
 pub use page::{Page, example, site};
 pub use server::Server;

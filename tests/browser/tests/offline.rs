@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use tracklens_page_tests::{Browser, Page, Server, example, site};
+use tracklens_page_tests::{Browser, Page, Server, copy_folder, example, site};
 
 /// Opens a site and waits until its copy is in the browser, then opens it once more, from there.
 async fn kept(site: &Path) -> Page {
@@ -114,24 +114,11 @@ fn change(site: &Path, name: &str, from: &str, to: &str, hash_of: &str) {
     fs::write(&worker, text.replace(line, &format!("const SITE = {list};"))).expect("written");
 }
 
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).expect("a folder");
-    for entry in fs::read_dir(from).expect("files") {
-        let entry = entry.expect("a file");
-        let target = to.join(entry.file_name());
-        if entry.path().is_dir() {
-            copy(&entry.path(), &target);
-        } else {
-            fs::copy(entry.path(), target).expect("copied");
-        }
-    }
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     let folder = tempfile::tempdir().expect("a folder");
     let site_copy = folder.path().join("site");
-    copy(&site(), &site_copy);
+    copy_folder(&site(), &site_copy);
     let page = kept(&site_copy).await;
     let update = "navigator.serviceWorker.getRegistration().then((r) => r.update()).catch(() => {})";
     let title = "document.querySelector('#intake-title').textContent";

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use tracklens_page_tests::{
-    Browser, Page, Server, eval, eval_example, example, example_inputs, extract_keypoints, in_every_browser,
-    parsed, same_keypoints, site, text, tracklens_json,
+    Browser, Page, Server, copy_folder, eval, eval_example, example, example_inputs, extract_keypoints,
+    in_every_browser, parsed, same_keypoints, site, text, tracklens_json,
 };
 
 /// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and without fused
@@ -169,21 +169,28 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     page.close().await;
 }
 
-/// JPEG and WebP are decoded by a part of the package of their own.
-#[tokio::test(flavor = "multi_thread")]
-async fn photos_are_extracted_as_in_the_terminal() {
+/// Takes photos, their ground truth and the example's checkpoint, and gives the folder of the photos.
+async fn pick_photos(page: &Page) -> PathBuf {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data");
     let data = data.canonicalize().expect("the data of the tests");
-    let page = Page::open().await;
+    let photos = data.join("photos/seq_0000");
     page.pick(&[
         &example("checkpoint.safetensors"),
         &data.join("panda_push/ground_truth.csv"),
     ])
     .await;
-    page.pick_folder(&data.join("photos/seq_0000")).await;
+    page.pick_folder(&photos).await;
+    photos
+}
+
+/// JPEG and WebP are decoded by a part of the package of their own.
+#[tokio::test(flavor = "multi_thread")]
+async fn photos_are_extracted_as_in_the_terminal() {
+    let page = Page::open().await;
+    let photos = pick_photos(&page).await;
     page.until_scored().await;
     let folder = tempfile::tempdir().expect("a folder");
-    let expected = extract_keypoints(&data.join("photos/seq_0000"), &folder.path().join("kp.csv"));
+    let expected = extract_keypoints(&photos, &folder.path().join("kp.csv"));
     assert_eq!(expected.lines().count(), 1 + 5 * 30);
     same_keypoints(&page.saved_keypoints().await, &expected, KEYPOINTS);
     page.close().await;
@@ -198,14 +205,7 @@ async fn a_part_that_is_not_there_is_told_and_asked_for_again() {
     fs::remove_file(folder.path().join(part)).expect("the part");
     let server = Server::start(folder.path().to_owned(), &[]).await;
     let page = Page::open_prepared(&[], server, "/", "").await;
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data");
-    let data = data.canonicalize().expect("the data of the tests");
-    page.pick(&[
-        &example("checkpoint.safetensors"),
-        &data.join("panda_push/ground_truth.csv"),
-    ])
-    .await;
-    page.pick_folder(&data.join("photos/seq_0000")).await;
+    pick_photos(&page).await;
     page.until_text("JPEG and WebP images need a part of the page that is not there")
         .await;
     fs::copy(site().join(part), folder.path().join(part)).expect("the part");
@@ -216,19 +216,6 @@ async fn a_part_that_is_not_there_is_told_and_asked_for_again() {
         1 + 5 * 30,
         "no image is taken for a bad one"
     );
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    fs::create_dir_all(to).expect("a folder");
-    for entry in fs::read_dir(from).expect("a folder") {
-        let entry = entry.expect("an entry");
-        let (path, to) = (entry.path(), to.join(entry.file_name()));
-        if path.is_dir() {
-            copy_folder(&path, &to);
-        } else {
-            fs::copy(path, to).expect("copied");
-        }
-    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

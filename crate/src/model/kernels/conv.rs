@@ -76,6 +76,12 @@ impl Convolution {
             .map(|side| (side + 2 * self.padding - self.kernel) / self.stride + 1)
     }
 
+    /// The weights by output, input, row and column.
+    fn taps<'a>(&self, weight: &'a [f32]) -> impl Fn(usize, usize, usize, usize) -> f32 + Sync + use<'a> {
+        let Self { inputs, kernel, .. } = *self;
+        move |output, input, ky, kx| weight[((output * inputs + input) * kernel + ky) * kernel + kx]
+    }
+
     /// Whether the kernels here can compute it.
     pub fn is_supported(&self) -> bool {
         let fits = |side: usize| side > 0 && side + 2 * self.padding >= self.kernel;
@@ -93,9 +99,7 @@ impl Convolution {
             [self.outputs, rows, columns],
         ];
         let shape = [self.kernel, self.stride, self.padding];
-        let tap = |output: usize, input: usize, ky: usize, kx: usize| {
-            weight[((output * self.inputs + input) * self.kernel + ky) * self.kernel + kx]
-        };
+        let tap = self.taps(weight);
         if let Some(tiled) = Tiled::new(self.batch, images, shape, tap) {
             return tiled.run(input);
         }
@@ -137,9 +141,7 @@ impl Convolution {
     /// The gradient of the inputs.
     pub fn input_gradient(&self, weight: &[f32], gradient: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.output_size();
-        let tap = |output: usize, input: usize, ky: usize, kx: usize| {
-            weight[((output * self.inputs + input) * self.kernel + ky) * self.kernel + kx]
-        };
+        let tap = self.taps(weight);
         if self.stride == 1 {
             // The filters turned round, with inputs and outputs exchanged.
             let images = [

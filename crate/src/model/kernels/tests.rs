@@ -209,48 +209,32 @@ fn convolutions_by_tiles() {
     }
 }
 
-/// Images that are smaller than a tile.
-#[test]
-fn small_images_by_tiles() {
-    for (size, kernel, stride, padding) in [
-        ([1, 1], 3, 1, 1),
-        ([2, 3], 3, 1, 1),
-        ([1, 4], 3, 2, 1),
-        ([2, 1], 3, 1, 2),
-        ([3, 2], 5, 1, 2),
-    ] {
-        check(Convolution {
-            batch: 3,
-            inputs: 18,
-            outputs: 16,
-            size,
-            kernel,
-            stride,
-            padding,
-        });
-    }
-}
-
-/// Sizes that no filter fits once, strides that skip taps.
+/// Sizes that no filter fits once, images smaller than a tile, strides that skip taps: by products and by tiles.
 #[test]
 fn convolutions_at_the_edge() {
     for (size, kernel, stride, padding) in [
         ([1, 1], 3, 1, 1),
+        ([2, 3], 3, 1, 1),
+        ([2, 1], 3, 1, 2),
+        ([3, 2], 5, 1, 2),
         ([1, 2], 3, 2, 1),
+        ([1, 4], 3, 2, 1),
         ([1, 3], 1, 3, 0),
         ([2, 9], 2, 4, 1),
         ([6, 5], 4, 3, 3),
         ([150, 3], 3, 1, 2),
     ] {
-        check(Convolution {
-            batch: 2,
-            inputs: 3,
-            outputs: 4,
-            size,
-            kernel,
-            stride,
-            padding,
-        });
+        for (batch, inputs, outputs) in [(2, 3, 4), (3, 18, 16)] {
+            check(Convolution {
+                batch,
+                inputs,
+                outputs,
+                size,
+                kernel,
+                stride,
+                padding,
+            });
+        }
     }
 }
 
