@@ -911,6 +911,70 @@ mod train {
     }
 
     #[test]
+    fn a_training_starts_from_the_weights_of_another() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [first, second, third] = ["first", "second", "third"].map(|name| folder.path().join(name));
+        let done = tracklens(&arguments(&first, &["--epochs", "2"]));
+        assert!(done.status.success(), "{}", stderr(&done));
+        let file = text(&first.join("checkpoint_final.safetensors"));
+
+        // At this learning rate Adam changes no weight by more than 1e-9 a step; batch norm's running statistics move on.
+        let still = ["--weights", &file, "--learning-rate", "1e-9", "--seed", "1"];
+        let done = tracklens(&arguments(&second, &[&["--epochs", "1"], &still[..]].concat()));
+        assert!(done.status.success(), "{}", stderr(&done));
+        assert!(
+            stderr(&done).contains(&format!("the weights start from those of {file}")),
+            "{}",
+            stderr(&done)
+        );
+        let [before, after] = [&first, &second].map(|out| {
+            tracklens::checkpoint::Checkpoint::from_safetensors(&weights(out)).expect("a checkpoint")
+        });
+        for (name, tensor) in &before.tensors {
+            let pairs = tensor.data.iter().zip(&after.tensors[name].data);
+            let difference = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            match name.contains("running") {
+                true => assert!(difference > 1e-6, "{name} differs by {difference}"),
+                false => assert!(difference < 1e-7, "{name} differs by {difference}"),
+            }
+        }
+        let config = std::fs::read(second.join("config.json")).expect("a configuration");
+        let config: Value = serde_json::from_slice(&config).expect("JSON");
+        let bytes = std::fs::read(&file).expect("a checkpoint");
+        assert_eq!(config["weights"]["crc32"], crc32fast::hash(&bytes));
+
+        // Without the option it is another run.
+        let without = ["--learning-rate", "1e-9", "--seed", "1", "--resume"];
+        let without = tracklens(&arguments(&second, &[&["--epochs", "2"], &without[..]].concat()));
+        assert_eq!(without.status.code(), Some(4));
+        assert!(stderr(&without).contains("weights"), "{}", stderr(&without));
+        let with = [&["--epochs", "2", "--resume"], &still[..]].concat();
+        let with = tracklens(&arguments(&second, &with));
+        assert!(with.status.success(), "{}", stderr(&with));
+
+        let refused = |more: &[&str], code: i32, expected: &str| {
+            let done = tracklens(&arguments(
+                &third,
+                &[&["--epochs", "1", "--weights"], more].concat(),
+            ));
+            assert_eq!(done.status.code(), Some(code), "{}", stderr(&done));
+            assert!(stderr(&done).contains(expected), "{}", stderr(&done));
+            assert!(!third.join("config.json").exists());
+        };
+        let example = format!(
+            "{}/../web/example/checkpoint.safetensors",
+            env!("CARGO_MANIFEST_DIR")
+        );
+        refused(&[&example], 4, "is a keynet-vel-std-bg with");
+        refused(&[&file, "--background", "mean"], 2, "--background");
+        let mut encoder = before;
+        encoder.tensors.retain(|name, _| name.starts_with("encoder."));
+        let alone = text(&folder.path().join("encoder.safetensors"));
+        std::fs::write(&alone, encoder.to_safetensors().expect("a file")).expect("written");
+        refused(&[&alone], 4, "an encoder alone");
+    }
+
+    #[test]
     fn a_full_disk_keeps_the_last_good_state() {
         let folder = tempfile::tempdir().expect("a folder");
         let [out, straight] = ["run", "straight"].map(|name| folder.path().join(name));

@@ -27,7 +27,7 @@ const NOT_SETTINGS: [&str; 8] = [
     "data", "arch", "out", "seed", "resume", "threads", "quiet", "help",
 ];
 /// The options of a training whose values are files.
-const PATHS: [&str; 2] = ["truth", "first-layer"];
+const PATHS: [&str; 3] = ["truth", "first-layer", "weights"];
 
 #[derive(Debug, Subcommand)]
 pub(super) enum SweepCommand {

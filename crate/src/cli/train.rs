@@ -15,11 +15,11 @@ use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
-use crate::model::{fresh_weights, load_first_layer};
+use crate::model::{fresh_weights, load_first_layer, load_weights};
 use crate::sweep::architecture_named;
 use crate::train::{
-    BackgroundStart, Dataset, Existing, FirstLayer, RunOptions, Split, TargetFilter, TrainConfig,
-    ValidationFrames, train,
+    BackgroundStart, Dataset, Existing, FirstLayer, RunOptions, Split, StartWeights, TargetFilter,
+    TrainConfig, ValidationFrames, train,
 };
 
 #[derive(Debug, Args)]
@@ -82,6 +82,10 @@ pub(super) struct TrainArguments {
     /// of torchvision's DenseNet-201; default: drawn as the other layers
     #[arg(long, value_name = "WEIGHTS")]
     first_layer: Option<PathBuf>,
+    /// Start from all weights of a checkpoint with encoder and decoder (.safetensors, .pth, .bpk) of the same architecture
+    /// and sizes, e.g. of a run on other recordings; default: drawn from the seed
+    #[arg(long, value_name = "CHECKPOINT", conflicts_with_all = ["first_layer", "background"])]
+    weights: Option<PathBuf>,
     /// Also write a TensorBoard event file into the run folder
     #[arg(long)]
     tensorboard: bool,
@@ -205,6 +209,7 @@ impl TrainArguments {
                 .unwrap_or(self.arch.architecture.velocity_weight()),
             background: self.background,
             first_layer: None,
+            weights: None,
             device: self.device,
         }
     }
@@ -253,6 +258,14 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
         );
         config.first_layer = Some(FirstLayer {
             tensor,
+            crc32: crc32fast::hash(&bytes),
+        });
+    }
+    if let Some(path) = &arguments.weights {
+        let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
+        load_weights(&mut weights, &bytes).map_err(|e| e.at(path.display()))?;
+        eprintln!("note: the weights start from those of {}", path.display());
+        config.weights = Some(StartWeights {
             crc32: crc32fast::hash(&bytes),
         });
     }

@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
@@ -95,4 +95,39 @@ pub fn load_first_layer(weights: &mut Checkpoint, file: &[u8]) -> Result<String>
     }
     weights.tensors.insert(own, tensor);
     Ok(name)
+}
+
+/// Gives an untrained SAE every weight of a trained one, encoder and decoder, for a training that goes on from it on other
+/// recordings, another input size or another learning rate.
+///
+/// `file` is a checkpoint in any format. Its tensors must have the names and shapes of `weights`, which depend on the
+/// family, the channels, the kernels, the number of keypoints, `-std` and `-bg`, and, for the background, the target size.
+///
+/// # Errors
+/// When the bytes are no checkpoint, it is one of an encoder alone, or a tensor is missing, is one too many or has another
+/// shape.
+pub fn load_weights(weights: &mut Checkpoint, file: &[u8]) -> Result<()> {
+    let trained = Checkpoint::from_bytes(file)?;
+    if !trained.has_decoder() {
+        return Err(Error::mismatch(
+            "the checkpoint holds an encoder alone; expected a decoder too, as in checkpoint_best.safetensors of a run",
+        ));
+    }
+    let [own, its] = [&weights.config, &trained.config].map(|c| BTreeMap::from_iter(c.tensor_shapes()));
+    let names: BTreeSet<&String> = own.keys().chain(its.keys()).collect();
+    if let Some(name) = names.into_iter().find(|name| own.get(*name) != its.get(*name)) {
+        let [own, its] = [&own, &its].map(|shapes| match shapes.get(name) {
+            Some(shape) => format!("the shape {shape:?}"),
+            None => "no such tensor".to_owned(),
+        });
+        return Err(Error::mismatch(format!(
+            "the checkpoint is a {} with {its} for `{name}`; expected {own}, for the {} to train: give the same \
+             architecture and sizes (`tracklens inspect` says those of the checkpoint)",
+            trained.config.name(),
+            weights.config.name()
+        )));
+    }
+    weights.tensors = trained.tensors;
+    weights.tensors.retain(|name, _| own.contains_key(name));
+    Ok(())
 }

@@ -54,7 +54,7 @@ pub use decoder::{BackgroundBias, Decoder, Dense, GaussianMaps};
 #[cfg(not(target_arch = "wasm32"))]
 pub use device::{OpenDevice, open};
 pub use encoder::Encoder;
-pub use init::{fresh_weights, load_first_layer};
+pub use init::{fresh_weights, load_first_layer, load_weights};
 pub use softargmax::spatial_softargmax;
 #[cfg(all(feature = "web-gpu", target_arch = "wasm32"))]
 pub use webgpu::WebGpu;

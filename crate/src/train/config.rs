@@ -42,6 +42,9 @@ pub struct TrainConfig {
     /// What the encoder's first convolution starts from; null: drawn as the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_layer: Option<FirstLayer>,
+    /// The checkpoint that all weights start from; null: drawn from the seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<StartWeights>,
     /// What computes; left out when it is the CPU. Devices round differently and so come to different weights.
     #[serde(default, skip_serializing_if = "DeviceKind::is_cpu")]
     pub device: DeviceKind,
@@ -54,6 +57,15 @@ pub struct TrainConfig {
 pub struct FirstLayer {
     /// Name of the tensor in the file.
     pub tensor: String,
+    /// CRC-32 of the file.
+    pub crc32: u32,
+}
+
+/// The checkpoint that a training starts from. The weights themselves are given to `train`; this is what tells two of
+/// them apart.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartWeights {
     /// CRC-32 of the file.
     pub crc32: u32,
 }
@@ -120,6 +132,7 @@ impl TrainConfig {
             target_filter: TargetFilter::Bilinear,
             background: BackgroundStart::Zero,
             first_layer: None,
+            weights: None,
             device: DeviceKind::Cpu,
         }
     }
@@ -157,6 +170,13 @@ impl TrainConfig {
                 "the background's start",
                 &"mean",
                 "zero, or an architecture with -bg, which has a background",
+            );
+        }
+        if self.background == BackgroundStart::Mean && self.weights.is_some() {
+            return wrong(
+                "the background's start",
+                &"mean",
+                "zero with weights of a checkpoint, which have a background",
             );
         }
         self.split.validate()

@@ -25,7 +25,7 @@ mod trainer;
 mod validation;
 
 pub use crate::data::Split;
-pub use config::{BackgroundStart, FirstLayer, TargetFilter, TrainConfig, ValidationFrames};
+pub use config::{BackgroundStart, FirstLayer, StartWeights, TargetFilter, TrainConfig, ValidationFrames};
 #[cfg(feature = "train")]
 pub use dataset::{DEFAULT_CACHE, Dataset, Sequence};
 pub use record::{CONFIG, EpochLog, LOG, Losses, RunConfig, SUMMARY, TrainSummary, read_log};
