@@ -95,6 +95,9 @@ class Camera:
 class FlatTargetPush(Push):
     """The push task with the target drawn as an opaque blue plate in the surface of the table."""
 
+    plate = 1.0
+    """Side of the plate, in sides of the cube."""
+
     def _create_scene(self) -> None:
         half = self.object_size / 2
         self.sim.create_plane(z_offset=-0.4)
@@ -108,7 +111,7 @@ class FlatTargetPush(Push):
         )
         self.sim.create_box(
             "target",
-            half_extents=np.array([half, half, half / 100]),
+            half_extents=np.array([half * self.plate, half * self.plate, half / 100]),
             mass=0.0,
             ghost=True,
             position=np.zeros(3),

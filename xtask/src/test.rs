@@ -119,7 +119,7 @@ fn recorder_python(workspace: &Workspace) -> Result<PathBuf> {
 }
 
 /// Records two sequences, which the tests then find by their environment. With this seed the first episode is
-/// solved at once, so that its sequence is dropped.
+/// solved at once, so that its sequence is dropped. The curriculum of the example runs through on them, in its short form.
 fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     let folder = tempfile::tempdir().context("no folder for the recording")?;
     let recording = folder.path().join("recording");
@@ -129,6 +129,17 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
         .args(["--sequences", "2", "--seed", "40", "--out"])
         .arg(&recording);
     run::run(&mut record)?;
+    build_binary(workspace)?;
+    let mut curriculum = run::command(python);
+    curriculum
+        .arg(recorder(workspace).join("curriculum.py"))
+        .args(["--trial", "--recording"])
+        .arg(&recording)
+        .arg("--out")
+        .arg(folder.path().join("curriculum"))
+        .arg("--tracklens")
+        .arg(workspace.binary("tracklens"));
+    run::run(&mut curriculum)?;
     let mut cargo = run::cargo();
     cargo
         .args(["test", "--release", "--package=tracklens", "--test=recorder"])
