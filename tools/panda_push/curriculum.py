@@ -14,19 +14,19 @@ import struct
 import subprocess
 import sys
 from collections import defaultdict
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import record
-from record import Environment, FlatTargetPush, FloatArray, Sequence, np
+from record import Environment, FloatArray, Sequence, np
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = 128
 """Side of the frames of scenes; the SAE sees 64 x 64."""
 SCENES = 12
 """Scenes a sequence."""
-FRAMES = 10
-"""Frames a sequence of the recording."""
 SNIPPET = 3
 """Frames a snippet, which a training sees at a time."""
 AGGREGATE = "encoder.aggregate_conv"
@@ -54,9 +54,11 @@ class Scenes:
 
     def record(self, folder: Path) -> None:
         """Draws the scenes into an empty folder."""
-        FlatTargetPush.plate = self.plate
-        environment = Environment(SIZE)
-        with record.png_store(folder, self.sequences, SIZE) as frames, record.truth_store(folder) as truth:
+        with (
+            closing(Environment(SIZE, self.plate)) as environment,
+            record.png_store(folder, self.sequences, SIZE) as frames,
+            record.truth_store(folder) as truth,
+        ):
             for first in range(0, self.sequences * SCENES, SCENES):
                 sequence = Sequence()
                 for scene in range(first, first + SCENES):
@@ -68,7 +70,6 @@ class Scenes:
                     sequence.sites.append(environment.sites())
                 frames(sequence)
                 truth(sequence)
-        environment.close()
 
 
 SOURCES = {
@@ -135,6 +136,7 @@ STAGES = [
 ]  # fmt: skip
 
 
+@cache
 def read_truth(folder: Path) -> dict[int, dict[int, Rows]]:
     """The rows object, x, y of a recording by sequence and frame."""
     rows: dict[int, dict[int, Rows]] = defaultdict(lambda: defaultdict(list))
@@ -224,7 +226,7 @@ def curriculum(options: argparse.Namespace) -> None:
         folders[name].mkdir()
         print(f"recording {name}", file=sys.stderr, flush=True)
         if options.trial:
-            scenes = Scenes(2, scenes.seed, scenes.plate, scenes.cube)
+            scenes = replace(scenes, sequences=2)
         scenes.record(folders[name])
     weights: Path | None = None
     for stage in STAGES:

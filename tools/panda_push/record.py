@@ -95,8 +95,10 @@ class Camera:
 class FlatTargetPush(Push):
     """The push task with the target drawn as an opaque blue plate in the surface of the table."""
 
-    plate = 1.0
-    """Side of the plate, in sides of the cube."""
+    def __init__(self, sim: PyBullet, plate: float) -> None:
+        # The scene is made by the task's own constructor.
+        self.plate = plate
+        super().__init__(sim)
 
     def _create_scene(self) -> None:
         half = self.object_size / 2
@@ -128,13 +130,14 @@ class FlatTargetPush(Push):
 class Environment(RobotTaskEnv):
     """panda-gym's robot, the scene above and the paper's camera, rendered on the CPU (TinyRenderer)."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, plate: float = 1.0) -> None:
+        """Frames are size x size; the plate is `plate` times as wide as the cube."""
         self.camera = Camera()
         sim = PyBullet(render_mode="rgb_array", renderer="Tiny")
         robot = Panda(sim, block_gripper=True, base_position=np.array([-0.6, 0.0, 0.0]), control_type="ee")
         super().__init__(
             robot,
-            FlatTargetPush(sim),
+            FlatTargetPush(sim, plate),
             render_width=size * ANTIALIAS,
             render_height=size * ANTIALIAS,
             render_target_position=np.array(self.camera.target),

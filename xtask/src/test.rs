@@ -129,7 +129,12 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
         .args(["--sequences", "2", "--seed", "40", "--out"])
         .arg(&recording);
     run::run(&mut record)?;
-    build_binary(workspace)?;
+    let mut cargo = run::cargo();
+    cargo
+        .args(["test", "--release", "--package=tracklens", "--test=recorder"])
+        .env("TRACKLENS_RECORDED", &recording);
+    run::run(cargo.current_dir(workspace.root()))?;
+    // The tests have built the binary.
     let mut curriculum = run::command(python);
     curriculum
         .arg(recorder(workspace).join("curriculum.py"))
@@ -139,12 +144,7 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
         .arg(folder.path().join("curriculum"))
         .arg("--tracklens")
         .arg(workspace.binary("tracklens"));
-    run::run(&mut curriculum)?;
-    let mut cargo = run::cargo();
-    cargo
-        .args(["test", "--release", "--package=tracklens", "--test=recorder"])
-        .env("TRACKLENS_RECORDED", &recording);
-    run::run(cargo.current_dir(workspace.root()))
+    run::run(&mut curriculum)
 }
 
 /// Builds burn a second time, with its wgpu backend, beside the build that everything else uses.

@@ -137,94 +137,13 @@ fn check(case: Convolution) {
 /// Kernel, stride and padding of the architectures' layers.
 const FILTERS: [[usize; 3]; 6] = [[3, 1, 1], [3, 2, 1], [7, 1, 3], [7, 2, 0], [5, 1, 0], [1, 1, 0]];
 
-#[test]
-fn convolutions_of_any_size() {
-    for [kernel, stride, padding] in FILTERS {
-        for size in [[7, 7], [8, 11], [13, 9], [17, 32], [33, 50]] {
-            for (batch, inputs, outputs) in [(1, 3, 5), (5, 4, 3), (2, 16, 9), (1, 1, 1), (11, 9, 8)] {
-                check(Convolution {
-                    batch,
-                    inputs,
-                    outputs,
-                    size,
-                    kernel,
-                    stride,
-                    padding,
-                });
-            }
-        }
-    }
-}
-
-#[test]
-fn convolutions_of_the_architectures() {
-    let layers = [
-        (3, 32, 40, [3, 1, 1]),
-        (32, 64, 17, [3, 1, 1]),
-        (3, 32, 30, [7, 1, 3]),
-        (32, 64, 16, [3, 2, 1]),
-        (128, 256, 9, [3, 2, 1]),
-        (3, 64, 35, [7, 2, 0]),
-        (64, 32, 21, [5, 1, 0]),
-        (128, 16, 17, [1, 1, 0]),
-    ];
-    for (inputs, outputs, side, [kernel, stride, padding]) in layers {
-        check(Convolution {
-            batch: 2,
-            inputs,
-            outputs,
-            size: [side; 2],
-            kernel,
-            stride,
-            padding,
-        });
-    }
-}
-
-/// Channels that fill no vector, images that fill no tile, borders of all widths.
-#[test]
-fn convolutions_by_tiles() {
-    for [kernel, stride, padding] in [
-        [3, 1, 1],
-        [3, 1, 0],
-        [3, 1, 2],
-        [3, 2, 1],
-        [3, 2, 0],
-        [5, 1, 0],
-        [5, 1, 3],
-    ] {
-        for size in [[5, 5], [6, 9], [13, 9], [17, 32], [33, 50]] {
-            for (batch, inputs, outputs) in [(1, 16, 16), (3, 17, 20), (11, 24, 33)] {
-                check(Convolution {
-                    batch,
-                    inputs,
-                    outputs,
-                    size,
-                    kernel,
-                    stride,
-                    padding,
-                });
-            }
-        }
-    }
-}
-
-/// Sizes that no filter fits once, images smaller than a tile, strides that skip taps: by products and by tiles.
-#[test]
-fn convolutions_at_the_edge() {
-    for (size, kernel, stride, padding) in [
-        ([1, 1], 3, 1, 1),
-        ([2, 3], 3, 1, 1),
-        ([2, 1], 3, 1, 2),
-        ([3, 2], 5, 1, 2),
-        ([1, 2], 3, 2, 1),
-        ([1, 4], 3, 2, 1),
-        ([1, 3], 1, 3, 0),
-        ([2, 9], 2, 4, 1),
-        ([6, 5], 4, 3, 3),
-        ([150, 3], 3, 1, 2),
-    ] {
-        for (batch, inputs, outputs) in [(2, 3, 4), (3, 18, 16)] {
+/// Checks every image size and filter (kernel, stride, padding) with every batch, inputs and outputs.
+fn check_each(
+    shapes: impl IntoIterator<Item = ([usize; 2], [usize; 3])>,
+    channels: &[(usize, usize, usize)],
+) {
+    for (size, [kernel, stride, padding]) in shapes {
+        for &(batch, inputs, outputs) in channels {
             check(Convolution {
                 batch,
                 inputs,
@@ -236,6 +155,77 @@ fn convolutions_at_the_edge() {
             });
         }
     }
+}
+
+/// Every size with every filter.
+fn pairs<'a>(
+    sizes: &'a [[usize; 2]],
+    filters: &'a [[usize; 3]],
+) -> impl Iterator<Item = ([usize; 2], [usize; 3])> + 'a {
+    filters
+        .iter()
+        .flat_map(move |filter| sizes.iter().map(move |size| (*size, *filter)))
+}
+
+#[test]
+fn convolutions_of_any_size() {
+    let sizes = [[7, 7], [8, 11], [13, 9], [17, 32], [33, 50]];
+    check_each(
+        pairs(&sizes, &FILTERS),
+        &[(1, 3, 5), (5, 4, 3), (2, 16, 9), (1, 1, 1), (11, 9, 8)],
+    );
+}
+
+#[test]
+fn convolutions_of_the_architectures() {
+    for (inputs, outputs, side, filter) in [
+        (3, 32, 40, [3, 1, 1]),
+        (32, 64, 17, [3, 1, 1]),
+        (3, 32, 30, [7, 1, 3]),
+        (32, 64, 16, [3, 2, 1]),
+        (128, 256, 9, [3, 2, 1]),
+        (3, 64, 35, [7, 2, 0]),
+        (64, 32, 21, [5, 1, 0]),
+        (128, 16, 17, [1, 1, 0]),
+    ] {
+        check_each([([side; 2], filter)], &[(2, inputs, outputs)]);
+    }
+}
+
+/// Channels that fill no vector, images that fill no tile, borders of all widths.
+#[test]
+fn convolutions_by_tiles() {
+    let filters = [
+        [3, 1, 1],
+        [3, 1, 0],
+        [3, 1, 2],
+        [3, 2, 1],
+        [3, 2, 0],
+        [5, 1, 0],
+        [5, 1, 3],
+    ];
+    let sizes = [[5, 5], [6, 9], [13, 9], [17, 32], [33, 50]];
+    check_each(pairs(&sizes, &filters), &[(1, 16, 16), (3, 17, 20), (11, 24, 33)]);
+}
+
+/// Sizes that no filter fits once, images smaller than a tile, strides that skip taps: by products and by tiles.
+#[test]
+fn convolutions_at_the_edge() {
+    check_each(
+        [
+            ([1, 1], [3, 1, 1]),
+            ([2, 3], [3, 1, 1]),
+            ([2, 1], [3, 1, 2]),
+            ([3, 2], [5, 1, 2]),
+            ([1, 2], [3, 2, 1]),
+            ([1, 4], [3, 2, 1]),
+            ([1, 3], [1, 3, 0]),
+            ([2, 9], [2, 4, 1]),
+            ([6, 5], [4, 3, 3]),
+            ([150, 3], [3, 1, 2]),
+        ],
+        &[(2, 3, 4), (3, 18, 16)],
+    );
 }
 
 #[test]
