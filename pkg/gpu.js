@@ -1,4 +1,5 @@
-// Extraction on WebGPU, a part of its own: several megabytes that only who imports this file fetches.
+// Extraction on WebGPU, a part of its own: several megabytes that only who imports this file
+// fetches.
 import load from "./tracklens_gpu.js";
 
 let loading;

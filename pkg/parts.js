@@ -1,4 +1,5 @@
-// The parts of the package, each a WebAssembly file of its own that is loaded once, when it is asked for.
+// The parts of the package, each a WebAssembly file of its own that is loaded once, when it is
+// asked for.
 import comparison from "./tracklens_comparison.js";
 import extraction from "./tracklens_extraction.js";
 import figures from "./tracklens_figures.js";

@@ -39,7 +39,10 @@ fn error(bytes: &[u8]) -> String {
 
 /// Where the `nth` record of the directory begins.
 fn record(bytes: &[u8], nth: usize) -> usize {
-    let starts = bytes.windows(4).enumerate().filter(|(_, w)| w == b"PK\x01\x02");
+    let starts = bytes
+        .windows(4)
+        .enumerate()
+        .filter(|(_, w)| w == b"PK\x01\x02");
     starts.map(|(i, _)| i).nth(nth).expect("a record")
 }
 
@@ -75,7 +78,10 @@ fn a_directory_longer_than_the_end_that_was_given_is_asked_for() {
     let names: Vec<String> = (0..3000)
         .map(|i| format!("{}/{i:06}.png", "long_name".repeat(20)))
         .collect();
-    let files: Vec<(&str, &[u8])> = names.iter().map(|n| (n.as_str(), b"x".as_slice())).collect();
+    let files: Vec<(&str, &[u8])> = names
+        .iter()
+        .map(|n| (n.as_str(), b"x".as_slice()))
+        .collect();
     let bytes = archive(&files);
     let size = bytes.len() as u64;
     let tail = &bytes[bytes.len() - ARCHIVE_TAIL as usize..];
@@ -94,7 +100,11 @@ fn a_directory_longer_than_the_end_that_was_given_is_asked_for() {
         }
         rounds += 1;
     };
-    assert_eq!((entries.len(), rounds), (3000, 1), "one more piece is enough");
+    assert_eq!(
+        (entries.len(), rounds),
+        (3000, 1),
+        "one more piece is enough"
+    );
 }
 
 #[test]
@@ -107,7 +117,9 @@ fn bombs_are_told_by_the_entry_and_its_limit() {
     let found = entries(&bytes);
     assert!(
         found[0].problem.contains("unpacks to 1024 MB")
-            && found[0].problem.contains(&format!("at most {MAX_RATIO} times")),
+            && found[0]
+                .problem
+                .contains(&format!("at most {MAX_RATIO} times")),
         "{}",
         found[0].problem
     );
@@ -130,7 +142,11 @@ fn what_cannot_be_unpacked_says_why() {
     bytes[a + 8] |= 1;
     bytes[b + 10] = 93;
     let found = entries(&bytes);
-    assert!(found[0].problem.contains("encrypted"), "{}", found[0].problem);
+    assert!(
+        found[0].problem.contains("encrypted"),
+        "{}",
+        found[0].problem
+    );
     assert!(
         found[1].problem.contains("expected DEFLATE"),
         "{}",
@@ -142,7 +158,10 @@ fn what_cannot_be_unpacked_says_why() {
 fn damaged_archives_are_told() {
     let bytes = archive(&[("a.bin", &[1; 500]), ("b.bin", &[2; 500])]);
     let cut = error(&bytes[..bytes.len() - 40]);
-    assert!(cut.contains("its directory, at the end, is missing"), "{cut}");
+    assert!(
+        cut.contains("its directory, at the end, is missing"),
+        "{cut}"
+    );
     assert!(error(b"").contains("not a whole ZIP archive"));
     // An entry that lies beyond the end.
     let mut far = bytes.clone();

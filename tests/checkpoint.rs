@@ -1,4 +1,5 @@
-//! Checkpoints of every format: what goes in comes out, other readers agree, and bad files say what is wrong.
+//! Checkpoints of every format: what goes in comes out, other readers agree, and bad files say what
+//! is wrong.
 
 mod shared;
 
@@ -10,14 +11,20 @@ use shared::golden;
 use tracklens::checkpoint::{Checkpoint, Format, Tensor, read_tensors};
 
 const FORMATS: [Format; 3] = [Format::Safetensors, Format::PyTorch, Format::Burnpack];
-const TINY: [&str; 3] = ["basic-vel-std-bg-tiny", "keynet-vel-std-bg-tiny", "dsae-tiny"];
+const TINY: [&str; 3] = [
+    "basic-vel-std-bg-tiny",
+    "keynet-vel-std-bg-tiny",
+    "dsae-tiny",
+];
 
 fn tiny(name: &str) -> Checkpoint {
     Checkpoint::from_bytes(&golden(&format!("{name}.safetensors"))).expect("a checkpoint")
 }
 
 fn error(bytes: &[u8]) -> String {
-    Checkpoint::from_bytes(bytes).expect_err("an error").to_string()
+    Checkpoint::from_bytes(bytes)
+        .expect_err("an error")
+        .to_string()
 }
 
 /// The weights without what the golden files hold beside them.
@@ -32,7 +39,9 @@ fn every_format_gives_back_what_went_in() {
     for name in TINY {
         let mut checkpoint = tiny(name);
         checkpoint.config.input_size = Some([96, 64]);
-        checkpoint.metadata.insert("tracklens.epoch".into(), "7".into());
+        checkpoint
+            .metadata
+            .insert("tracklens.epoch".into(), "7".into());
         checkpoint.metadata.insert("note".into(), "ünïcödé".into());
         for format in FORMATS {
             let bytes = checkpoint.to_bytes(format).expect("bytes");
@@ -49,7 +58,8 @@ fn every_format_gives_back_what_went_in() {
 
 #[test]
 fn a_checkpoint_of_the_authors_holds_weights_and_configuration() {
-    let checkpoint = Checkpoint::from_bytes(&golden("basic-vel-std-bg-tiny.pth")).expect("a checkpoint");
+    let checkpoint =
+        Checkpoint::from_bytes(&golden("basic-vel-std-bg-tiny.pth")).expect("a checkpoint");
     let expected = tiny("basic-vel-std-bg-tiny");
     assert_eq!(weights(&checkpoint), weights(&expected));
     // The velocity loss leaves no tensor; only the configuration tells of it.
@@ -65,13 +75,20 @@ fn a_checkpoint_of_the_authors_holds_weights_and_configuration() {
         cfg["model"]["decoder"]["settings"]["limit_gaussian_std"],
         serde_json::Value::Null
     );
-    assert_eq!(checkpoint.metadata.len(), 2, "the optimizer's state is left out");
+    assert_eq!(
+        checkpoint.metadata.len(),
+        2,
+        "the optimizer's state is left out"
+    );
 }
 
 #[test]
 fn the_configuration_of_the_authors_tells_what_the_tensors_do_not() {
     let mut checkpoint = tiny("basic-vel-std-bg-tiny");
-    for name in ["decoder.gaussian_sampling.std", "decoder.background_bias.bias"] {
+    for name in [
+        "decoder.gaussian_sampling.std",
+        "decoder.background_bias.bias",
+    ] {
         checkpoint.tensors.remove(name);
     }
     let cfg = r#"{"dataset": {"target_shape": [3, 24, 32]}, "training": {"loss_weights": {"velocity": 0.0}},
@@ -106,7 +123,10 @@ fn the_authors_checkpoint_at_full_size() {
         (summary.parameters.encoder, summary.parameters.decoder),
         (289_520, 32_531)
     );
-    assert_eq!((summary.epoch, summary.training.epochs), (Some(499), Some(500)));
+    assert_eq!(
+        (summary.epoch, summary.training.epochs),
+        (Some(499), Some(500))
+    );
     same_as_pytorch_reader(&bytes);
 }
 
@@ -121,7 +141,8 @@ fn pytorch_reader_reads_the_same() {
 /// Against the reader behind burn's import of PyTorch files.
 fn same_as_pytorch_reader(bytes: &[u8]) {
     let reader =
-        pytorch_reader::PytorchReader::from_bytes(bytes.to_vec(), Some("model_state_dict")).expect("a file");
+        pytorch_reader::PytorchReader::from_bytes(bytes.to_vec(), Some("model_state_dict"))
+            .expect("a file");
     let theirs: BTreeMap<String, Tensor> = reader
         .tensors()
         .iter()
@@ -142,7 +163,8 @@ fn burn_reads_and_writes_the_same() {
     for name in TINY {
         let checkpoint = tiny(name);
         let ours = checkpoint.to_bytes(Format::Burnpack).expect("bytes");
-        let reader = burn_pack::Reader::from_bytes(burn_pack::Bytes::from_bytes_vec(ours)).expect("a file");
+        let reader =
+            burn_pack::Reader::from_bytes(burn_pack::Bytes::from_bytes_vec(ours)).expect("a file");
         assert!(reader.metadata().contains_key("tracklens.config"));
         let tensors = reader.into_tensors().expect("tensors");
         assert_eq!(tensors.len(), checkpoint.tensors.len());
@@ -172,7 +194,13 @@ fn typed(
 ) -> Vec<u8> {
     let data: Vec<(&String, &Tensor, Vec<u8>)> = tensors
         .iter()
-        .map(|(name, tensor)| (name, tensor, tensor.data.iter().flat_map(|v| bytes(*v)).collect()))
+        .map(|(name, tensor)| {
+            (
+                name,
+                tensor,
+                tensor.data.iter().flat_map(|v| bytes(*v)).collect(),
+            )
+        })
         .collect();
     let views = data.iter().map(|(name, tensor, data)| {
         (
@@ -187,7 +215,11 @@ fn typed(
 fn weights_of_other_precisions_become_f32() {
     let checkpoint = tiny("dsae-tiny");
     let tensors = &checkpoint.tensors;
-    let read = |bytes: Vec<u8>| Checkpoint::from_bytes(&bytes).expect("a checkpoint").tensors;
+    let read = |bytes: Vec<u8>| {
+        Checkpoint::from_bytes(&bytes)
+            .expect("a checkpoint")
+            .tensors
+    };
     assert_eq!(
         &read(typed(tensors, None, Dtype::F64, |v| f64::from(v)
             .to_le_bytes()
@@ -206,7 +238,11 @@ fn weights_of_other_precisions_become_f32() {
     };
     assert!(tensors.iter().all(|(name, t)| near(&bf16[name], t, 0.01)));
     let ones = typed(tensors, None, Dtype::F16, |_| vec![0x00, 0x3c]);
-    assert!(read(ones).values().all(|t| t.data.iter().all(|v| *v == 1.0)));
+    assert!(
+        read(ones)
+            .values()
+            .all(|t| t.data.iter().all(|v| *v == 1.0))
+    );
     let integers = typed(tensors, None, Dtype::I16, |_| vec![0, 0]);
     assert!(
         error(&integers).contains("is I16; expected floating-point weights"),
@@ -251,7 +287,10 @@ fn archive(pickle: &[u8], more: &[(&str, &[u8])]) -> Vec<u8> {
     let mut archive = rawzip::ZipArchiveWriter::new(&mut bytes);
     let storage: (&str, &[u8]) = ("data/0", &[0; 8]);
     for (name, data) in [("data.pkl", pickle), storage].iter().chain(more) {
-        let (mut entry, config) = archive.new_file(format!("a/{name}")).start().expect("an entry");
+        let (mut entry, config) = archive
+            .new_file(format!("a/{name}"))
+            .start()
+            .expect("an entry");
         let mut writer = config.wrap(&mut entry);
         writer.write_all(data).expect("written");
         let (_, descriptor) = writer.finish().expect("written");
@@ -263,7 +302,8 @@ fn archive(pickle: &[u8], more: &[(&str, &[u8])]) -> Vec<u8> {
 
 /// The pickle of `{"w": tensor}` with two values, seen as `shape` with `strides`, both pickled.
 fn one_tensor(class: &str, shape: &[u8], strides: &[u8]) -> Vec<u8> {
-    let mut pickle = b"\x80\x02}U\x01wctorch._utils\n_rebuild_tensor_v2\n((U\x07storagectorch\n".to_vec();
+    let mut pickle =
+        b"\x80\x02}U\x01wctorch._utils\n_rebuild_tensor_v2\n((U\x07storagectorch\n".to_vec();
     pickle.extend(class.as_bytes());
     pickle.extend(b"\nU\x010U\x03cpuK\x02tQK\x00");
     pickle.extend([shape, strides].concat());
@@ -275,11 +315,20 @@ fn one_tensor(class: &str, shape: &[u8], strides: &[u8]) -> Vec<u8> {
 fn views_are_gathered_and_stay_inside_their_storage() {
     let read = |class: &str, shape: &[u8], strides: &[u8], data: &[f32]| {
         let data: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
-        read_tensors(&archive(&one_tensor(class, shape, strides), &[("data/0", &data)]))
+        read_tensors(&archive(
+            &one_tensor(class, shape, strides),
+            &[("data/0", &data)],
+        ))
     };
     // (2, 3) with strides (1, 2): the transpose of a (3, 2) tensor.
     let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-    let tensors = read("FloatStorage", b"K\x02K\x03\x86", b"K\x01K\x02\x86", &values).expect("tensors");
+    let tensors = read(
+        "FloatStorage",
+        b"K\x02K\x03\x86",
+        b"K\x01K\x02\x86",
+        &values,
+    )
+    .expect("tensors");
     assert_eq!(tensors["w"].data, [1.0, 3.0, 5.0, 2.0, 4.0, 6.0]);
     let wrong = |class: &str, shape: &[u8], strides: &[u8]| {
         read(class, shape, strides, &values)
@@ -296,7 +345,10 @@ fn views_are_gathered_and_stay_inside_their_storage() {
         assert!(error.contains("reaches beyond its"), "{error}");
     }
     let error = wrong("FloatStorage", b"K\x01\x85", b"K\x01K\x01\x86");
-    assert!(error.contains("not described as torch.save does"), "{error}");
+    assert!(
+        error.contains("not described as torch.save does"),
+        "{error}"
+    );
     let error = wrong("IntStorage", b"K\x01\x85", b"K\x01\x85");
     assert!(
         error.contains("tensor `w` is in a `torch.IntStorage`; expected floating-point"),
@@ -311,7 +363,10 @@ fn bad_files_say_what_is_wrong_and_what_to_do() {
         assert!(error.contains(part), "{error}");
     };
     let pth = golden("basic-vel-std-bg-tiny.pth");
-    expect(&pth[..pth.len() / 2], "not a complete .pth file (23444 bytes");
+    expect(
+        &pth[..pth.len() / 2],
+        "not a complete .pth file (23444 bytes",
+    );
     let mut damaged = pth.clone();
     let place = damaged
         .windows(7)
@@ -347,7 +402,10 @@ fn bad_files_say_what_is_wrong_and_what_to_do() {
         &of(b"\x80\x02cmodels\nSAE\n)\x81."),
         "a whole `models.SAE` rather than its weights; save model.state_dict()",
     );
-    expect(&of(b"\x80\x02}(U\x01w"), "the pickle cannot be read at byte");
+    expect(
+        &of(b"\x80\x02}(U\x01w"),
+        "the pickle cannot be read at byte",
+    );
     expect(
         &of(b"\x80\x02I01\n."),
         "the pickle cannot be read at byte 2 of 7 (code 0x49)",
@@ -368,7 +426,8 @@ fn bad_files_say_what_is_wrong_and_what_to_do() {
 
 #[test]
 fn a_pickle_that_holds_itself_or_repeats_itself_is_read() {
-    // A list that holds itself, and lists that hold the one before twice, forty times, beside the weights.
+    // A list that holds itself, and lists that hold the one before twice, forty times, beside the
+    // weights.
     let mut pickle = b"\x80\x02}(U\x04self]q\x00h\x00aU\x05large]q\x01".to_vec();
     for i in 1..=40 {
         pickle.extend([b'0', b']', b'q', i + 1, b'h', i, b'a', b'h', i, b'a']);

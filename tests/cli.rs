@@ -46,8 +46,18 @@ impl Tables {
         for t in 0..40 {
             let (s, c) = (f64::from(t) * 0.37).sin_cos();
             let d = f64::from((t * 7919) % 40) / 40.0 - 0.5;
-            truth += &format!("a,{t},cube,{s},{c}\na,{t},eef,{},{}\n", 2.0 * d, 0.5 * d - s);
-            keypoints += &format!("a,{t},0,{},{}\na,{t},1,{},{}\n", 0.5 * c + 0.1, -s, d, d * d);
+            truth += &format!(
+                "a,{t},cube,{s},{c}\na,{t},eef,{},{}\n",
+                2.0 * d,
+                0.5 * d - s
+            );
+            keypoints += &format!(
+                "a,{t},0,{},{}\na,{t},1,{},{}\n",
+                0.5 * c + 0.1,
+                -s,
+                d,
+                d * d
+            );
         }
         let tables = Self { folder };
         tables.write("gt.csv", &truth);
@@ -69,7 +79,13 @@ impl Tables {
 
     fn score(&self, more: &[&str]) -> Output {
         let (truth, keypoints) = (self.path("gt.csv"), self.path("kp.csv"));
-        tracklens(&[&["score", "--truth", &truth, "--keypoints", &keypoints], more].concat())
+        tracklens(
+            &[
+                &["score", "--truth", &truth, "--keypoints", &keypoints],
+                more,
+            ]
+            .concat(),
+        )
     }
 }
 
@@ -193,7 +209,14 @@ fn other_sequences_are_asked_for() {
     let (truth, keypoints) = (cut("gt.csv"), cut("kp.csv"));
     tables.write("gt.csv", &truth);
     tables.write("kp.csv", &keypoints);
-    let result = json(&tables.score(&["--folds", "3", "--bootstrap", "50", "--resampling-seed", "4"]));
+    let result = json(&tables.score(&[
+        "--folds",
+        "3",
+        "--bootstrap",
+        "50",
+        "--resampling-seed",
+        "4",
+    ]));
     assert_eq!(result["held_out"]["folds"], 3);
     assert_eq!(
         result["held_out"]["objects"][0]["keypoints"]
@@ -227,7 +250,10 @@ fn csv_has_one_line_an_object() {
     let text = String::from_utf8(output.stdout).expect("text");
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 3);
-    assert!(lines[0].starts_with("object,tracked,error,threshold") && lines[1].starts_with("cube,true,"));
+    assert!(
+        lines[0].starts_with("object,tracked,error,threshold")
+            && lines[1].starts_with("cube,true,")
+    );
 }
 
 #[test]
@@ -243,7 +269,11 @@ fn frames_without_partner_are_counted_and_shown() {
     let result = json(&tables.score(&[]));
     assert_eq!(result["frames"], 39);
     let warnings = result["warnings"].to_string();
-    assert!(warnings.contains("1 frame(s) without a row of ground truth do not count: sequence a, frame 39"));
+    assert!(
+        warnings.contains(
+            "1 frame(s) without a row of ground truth do not count: sequence a, frame 39"
+        )
+    );
     assert!(
         warnings.contains("2 frame(s) of the ground truth without keypoints do not count"),
         "{warnings}"
@@ -260,7 +290,9 @@ fn frames_without_partner_are_counted_and_shown() {
 fn one_sequence_is_named_by_its_folder() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("kp.csv").to_string_lossy().into_owned();
-    let one = data("data/panda_push/seq_0012").to_string_lossy().into_owned();
+    let one = data("data/panda_push/seq_0012")
+        .to_string_lossy()
+        .into_owned();
     let extracted = extract(&one, &out);
     assert!(extracted.status.success(), "{}", stderr(&extracted));
     let table = std::fs::read_to_string(&out).expect("a table");
@@ -317,7 +349,11 @@ fn bad_tables_name_file_line_and_remedy() {
     std::fs::remove_file(tables.folder.path().join("gt.csv")).expect("removed");
     let missing = tables.score(&[]);
     assert_eq!(missing.status.code(), Some(1));
-    assert!(stderr(&missing).contains("gt.csv: "), "{}", stderr(&missing));
+    assert!(
+        stderr(&missing).contains("gt.csv: "),
+        "{}",
+        stderr(&missing)
+    );
 }
 
 #[test]
@@ -329,7 +365,8 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     let refused = tables.score(&[]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(
-        stderr(&refused).contains("sequence a, frame 2: keypoint 0 is (NaN, 0): missing or not finite"),
+        stderr(&refused)
+            .contains("sequence a, frame 2: keypoint 0 is (NaN, 0): missing or not finite"),
         "{}",
         stderr(&refused)
     );
@@ -486,7 +523,10 @@ fn bad_frames_are_named_or_counted() {
         stderr(&skipped)
     );
     assert_eq!(
-        std::fs::read_to_string(&out).expect("keypoints").lines().count(),
+        std::fs::read_to_string(&out)
+            .expect("keypoints")
+            .lines()
+            .count(),
         1 + 4
     );
 }
@@ -525,7 +565,10 @@ fn bad_sources_are_told() {
         "{}",
         stderr(&cut)
     );
-    let table = run(&data("data/panda_push/ground_truth.csv"), Path::new(&frames()));
+    let table = run(
+        &data("data/panda_push/ground_truth.csv"),
+        Path::new(&frames()),
+    );
     assert!(
         stderr(&table).contains("not a checkpoint ("),
         "{}",
@@ -572,13 +615,21 @@ fn an_output_that_cannot_be_written_is_told() {
 fn a_reader_that_has_had_enough_is_no_error_and_a_full_disk_is_one() {
     let inspect = || {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tracklens"));
-        command.args(["inspect", &checkpoint()]).stderr(Stdio::piped());
+        command
+            .args(["inspect", &checkpoint()])
+            .stderr(Stdio::piped());
         command
     };
-    let mut child = inspect().stdout(Stdio::piped()).spawn().expect("the binary runs");
+    let mut child = inspect()
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the binary runs");
     drop(child.stdout.take());
     let output = child.wait_with_output().expect("it ends");
-    assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""));
+    assert_eq!(
+        (output.status.code(), stderr(&output).as_str()),
+        (Some(0), "")
+    );
 
     if cfg!(target_os = "linux") {
         let full = File::options()
@@ -643,7 +694,11 @@ mod train {
         let out = folder.path().join("run");
         let trained = tracklens(&arguments(&out, &["--epochs", "2"]));
         assert!(trained.status.success(), "{}", stderr(&trained));
-        assert!(stderr(&trained).contains("epoch 2: TC "), "{}", stderr(&trained));
+        assert!(
+            stderr(&trained).contains("epoch 2: TC "),
+            "{}",
+            stderr(&trained)
+        );
         let checkpoint = out
             .join("checkpoint_best.safetensors")
             .to_string_lossy()
@@ -689,9 +744,13 @@ mod train {
             .spawn()
             .expect("the binary runs");
         let start = Instant::now();
-        let lines = || std::fs::read_to_string(out.join("log.jsonl")).map_or(0, |log| log.lines().count());
+        let lines =
+            || std::fs::read_to_string(out.join("log.jsonl")).map_or(0, |log| log.lines().count());
         while lines() < 2 {
-            assert!(start.elapsed() < Duration::from_secs(60), "no epoch in a minute");
+            assert!(
+                start.elapsed() < Duration::from_secs(60),
+                "no epoch in a minute"
+            );
             std::thread::sleep(Duration::from_millis(20));
         }
         let pid = running.id().to_string();
@@ -754,7 +813,10 @@ mod train {
             // Some epochs further, then at one moment or another of the next.
             let (start, before) = (Instant::now(), log());
             while log() < before + 2500 && running.try_wait().expect("a state").is_none() {
-                assert!(start.elapsed() < Duration::from_secs(60), "no epoch in a minute");
+                assert!(
+                    start.elapsed() < Duration::from_secs(60),
+                    "no epoch in a minute"
+                );
                 std::thread::sleep(Duration::from_millis(1));
             }
             std::thread::sleep(Duration::from_millis(delay));
@@ -863,7 +925,10 @@ mod train {
             );
             for (map, errors) in entry["errors"].as_object().expect("errors") {
                 for (object, error) in errors.as_object().expect("objects") {
-                    assert_eq!(scalar(epoch, &format!("error/{map}/{object}")), number(error));
+                    assert_eq!(
+                        scalar(epoch, &format!("error/{map}/{object}")),
+                        number(error)
+                    );
                 }
             }
         }
@@ -877,7 +942,10 @@ mod train {
         assert!(done.status.success(), "{}", stderr(&done));
         let file = text(&other.join("checkpoint_final.safetensors"));
         let from_file = ["--first-layer", &file, "--seed", "1", "--resume"];
-        let done = tracklens(&arguments(&out, &[&["--epochs", "1"], &from_file[..]].concat()));
+        let done = tracklens(&arguments(
+            &out,
+            &[&["--epochs", "1"], &from_file[..]].concat(),
+        ));
         assert!(done.status.success(), "{}", stderr(&done));
         assert!(
             stderr(&done).contains("the first layer starts from `encoder.block1.conv1.weight`"),
@@ -886,12 +954,25 @@ mod train {
         );
         let config = std::fs::read(out.join("config.json")).expect("a configuration");
         let config: Value = serde_json::from_slice(&config).expect("JSON");
-        assert_eq!(config["first_layer"]["tensor"], "encoder.block1.conv1.weight");
+        assert_eq!(
+            config["first_layer"]["tensor"],
+            "encoder.block1.conv1.weight"
+        );
 
-        let without = tracklens(&arguments(&out, &["--epochs", "2", "--seed", "1", "--resume"]));
+        let without = tracklens(&arguments(
+            &out,
+            &["--epochs", "2", "--seed", "1", "--resume"],
+        ));
         assert_eq!(without.status.code(), Some(4));
-        assert!(stderr(&without).contains("first_layer"), "{}", stderr(&without));
-        let with = tracklens(&arguments(&out, &[&["--epochs", "2"], &from_file[..]].concat()));
+        assert!(
+            stderr(&without).contains("first_layer"),
+            "{}",
+            stderr(&without)
+        );
+        let with = tracklens(&arguments(
+            &out,
+            &[&["--epochs", "2"], &from_file[..]].concat(),
+        ));
         assert!(with.status.success(), "{}", stderr(&with));
 
         let golden = format!(
@@ -899,10 +980,14 @@ mod train {
             env!("CARGO_MANIFEST_DIR")
         );
         let new = folder.path().join("new");
-        let unfit = tracklens(&arguments(&new, &["--epochs", "1", "--first-layer", &golden]));
+        let unfit = tracklens(&arguments(
+            &new,
+            &["--epochs", "1", "--first-layer", &golden],
+        ));
         assert_eq!(unfit.status.code(), Some(4));
         assert!(
-            stderr(&unfit).contains(&golden) && stderr(&unfit).contains("have the shape [4, 3, 3, 3]")
+            stderr(&unfit).contains(&golden)
+                && stderr(&unfit).contains("have the shape [4, 3, 3, 3]")
                 || stderr(&unfit).contains("tensors has the shape [4, 3, 3, 3]"),
             "{}",
             stderr(&unfit)
@@ -913,14 +998,19 @@ mod train {
     #[test]
     fn a_training_starts_from_the_weights_of_another() {
         let folder = tempfile::tempdir().expect("a folder");
-        let [first, second, third] = ["first", "second", "third"].map(|name| folder.path().join(name));
+        let [first, second, third] =
+            ["first", "second", "third"].map(|name| folder.path().join(name));
         let done = tracklens(&arguments(&first, &["--epochs", "2"]));
         assert!(done.status.success(), "{}", stderr(&done));
         let file = text(&first.join("checkpoint_final.safetensors"));
 
-        // At this learning rate Adam changes no weight by more than 1e-9 a step; batch norm's running statistics move on.
+        // At this learning rate Adam changes no weight by more than 1e-9 a step; batch norm's
+        // running statistics move on.
         let still = ["--weights", &file, "--learning-rate", "1e-9", "--seed", "1"];
-        let done = tracklens(&arguments(&second, &[&["--epochs", "1"], &still[..]].concat()));
+        let done = tracklens(&arguments(
+            &second,
+            &[&["--epochs", "1"], &still[..]].concat(),
+        ));
         assert!(done.status.success(), "{}", stderr(&done));
         assert!(
             stderr(&done).contains(&format!("the weights start from those of {file}")),
@@ -928,7 +1018,8 @@ mod train {
             stderr(&done)
         );
         let [before, after] = [&first, &second].map(|out| {
-            tracklens::checkpoint::Checkpoint::from_safetensors(&weights(out)).expect("a checkpoint")
+            tracklens::checkpoint::Checkpoint::from_safetensors(&weights(out))
+                .expect("a checkpoint")
         });
         for (name, tensor) in &before.tensors {
             let pairs = tensor.data.iter().zip(&after.tensors[name].data);
@@ -945,7 +1036,10 @@ mod train {
 
         // Without the option it is another run.
         let without = ["--learning-rate", "1e-9", "--seed", "1", "--resume"];
-        let without = tracklens(&arguments(&second, &[&["--epochs", "2"], &without[..]].concat()));
+        let without = tracklens(&arguments(
+            &second,
+            &[&["--epochs", "2"], &without[..]].concat(),
+        ));
         assert_eq!(without.status.code(), Some(4));
         assert!(stderr(&without).contains("weights"), "{}", stderr(&without));
         let with = [&["--epochs", "2", "--resume"], &still[..]].concat();
@@ -968,7 +1062,9 @@ mod train {
         refused(&[&example], 4, "is a keynet-vel-std-bg with");
         refused(&[&file, "--background", "mean"], 2, "--background");
         let mut encoder = before;
-        encoder.tensors.retain(|name, _| name.starts_with("encoder."));
+        encoder
+            .tensors
+            .retain(|name, _| name.starts_with("encoder."));
         let alone = text(&folder.path().join("encoder.safetensors"));
         std::fs::write(&alone, encoder.to_safetensors().expect("a file")).expect("written");
         refused(&[&alone], 4, "an encoder alone");
@@ -982,7 +1078,8 @@ mod train {
         assert!(two.status.success(), "{}", stderr(&two));
         let before = weights(&out);
 
-        // Files may not grow beyond 8 blocks: what a full disk does to every write, at a chosen moment.
+        // Files may not grow beyond 8 blocks: what a full disk does to every write, at a chosen
+        // moment.
         let limited = Command::new("sh")
             .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$@\"", "sh"])
             .arg(env!("CARGO_BIN_EXE_tracklens"))
@@ -1018,7 +1115,10 @@ mod train {
 }
 
 fn format(name: &str) -> String {
-    data("data/formats").join(name).to_string_lossy().into_owned()
+    data("data/formats")
+        .join(name)
+        .to_string_lossy()
+        .into_owned()
 }
 
 /// `tracklens data …`, which must succeed; what it says on the way.
@@ -1062,8 +1162,16 @@ fn inspect_says_what_is_there_and_what_does_not_fit() {
     assert_eq!(found["pixels"], serde_json::json!(["8-bit"]));
     let unreadable = found["unreadable"].as_array().expect("a list");
     assert_eq!(unreadable.len(), 1);
-    assert!(unreadable[0].as_str().expect("text").contains("frame_002.png"));
-    assert_eq!(found["ground_truth"]["join"]["unmatched_frames"]["count"], 1);
+    assert!(
+        unreadable[0]
+            .as_str()
+            .expect("text")
+            .contains("frame_002.png")
+    );
+    assert_eq!(
+        found["ground_truth"]["join"]["unmatched_frames"]["count"],
+        1
+    );
 }
 
 #[test]
@@ -1088,14 +1196,26 @@ fn a_recording_becomes_a_folder_and_an_array() {
     convert(&[&path("a.npz"), &path("b.npz")]);
     let bytes = |name: &str| std::fs::read(path(name)).expect("a file");
     assert_eq!(bytes("a.npz"), bytes("b.npz"));
-    convert(&[&path("a.npz"), &path("again"), "--objects", "cube,target,eef"]);
+    convert(&[
+        &path("a.npz"),
+        &path("again"),
+        "--objects",
+        "cube,target,eef",
+    ]);
     for file in ["ground_truth.csv", "seq_0000/frame_003.png"] {
-        assert_eq!(bytes(&format!("again/{file}")), bytes(&format!("set/{file}")));
+        assert_eq!(
+            bytes(&format!("again/{file}")),
+            bytes(&format!("set/{file}"))
+        );
     }
 
     let again = tracklens(&["data", "convert", &path("a.npz"), &path("set")]);
     assert_eq!(again.status.code(), Some(1));
-    assert!(stderr(&again).contains("is there already"), "{}", stderr(&again));
+    assert!(
+        stderr(&again).contains("is there already"),
+        "{}",
+        stderr(&again)
+    );
     // Sequences of different lengths are no array; nothing is left behind.
     std::fs::remove_file(path("set/seq_0001/frame_004.png")).expect("removed");
     let uneven = tracklens(&["data", "convert", "--quiet", &path("set"), &path("c.npz")]);
@@ -1196,9 +1316,13 @@ fn recordings_are_scored() {
     ]));
     let objects = scored["objects"].as_array().expect("objects");
     assert_eq!(objects.len(), 2);
-    // The points are their own keypoints: `eef` is also a scaled `link_5`, so only the error is certain.
+    // The points are their own keypoints: `eef` is also a scaled `link_5`, so only the error is
+    // certain.
     for object in objects {
-        assert!(object["error"].as_f64().expect("an error") < 1e-9, "{object}");
+        assert!(
+            object["error"].as_f64().expect("an error") < 1e-9,
+            "{object}"
+        );
     }
     let truth = json(&tracklens(&[
         "score",

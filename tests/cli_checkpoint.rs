@@ -37,13 +37,22 @@ fn inspect(file: &Path) -> Value {
 fn a_checkpoint_goes_through_every_format_and_extracts_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     let original = data("golden/basic-vel-std-bg-tiny.pth");
-    let read =
-        |path: &Path| Checkpoint::from_bytes(&std::fs::read(path).expect("a file")).expect("a checkpoint");
+    let read = |path: &Path| {
+        Checkpoint::from_bytes(&std::fs::read(path).expect("a file")).expect("a checkpoint")
+    };
     let extract = |checkpoint: &Path| {
         let table = folder.path().join("kp.csv");
         let frames = data("data/panda_push");
-        let mut arguments = vec!["extract".as_ref(), "--quiet".as_ref(), "--checkpoint".as_ref()];
-        arguments.extend([checkpoint.as_os_str(), "--frames".as_ref(), frames.as_os_str()]);
+        let mut arguments = vec![
+            "extract".as_ref(),
+            "--quiet".as_ref(),
+            "--checkpoint".as_ref(),
+        ];
+        arguments.extend([
+            checkpoint.as_os_str(),
+            "--frames".as_ref(),
+            frames.as_os_str(),
+        ]);
         arguments.extend(["--out".as_ref(), table.as_os_str()]);
         let output = tracklens(&arguments);
         assert!(output.status.success(), "{}", stderr(&output));
@@ -138,7 +147,9 @@ fn export_writes_a_model_and_says_so() {
             "encoder.aggregate_conv.weight",
             "Softmax",
         ] {
-            let found = bytes.windows(part.len()).any(|window| window == part.as_bytes());
+            let found = bytes
+                .windows(part.len())
+                .any(|window| window == part.as_bytes());
             assert!(
                 found || (part.contains("aggregate") && name.starts_with("dsae")),
                 "{name}: {part}"
@@ -191,7 +202,11 @@ fn what_cannot_be_converted_or_inspected_is_told() {
         3,
         "cut.pth: not a complete .pth file",
     );
-    expect(&tracklens(&["inspect", "/nowhere.pth"]), 1, "/nowhere.pth: ");
+    expect(
+        &tracklens(&["inspect", "/nowhere.pth"]),
+        1,
+        "/nowhere.pth: ",
+    );
 }
 
 #[test]

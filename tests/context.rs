@@ -4,7 +4,8 @@ use ndarray::Array3;
 use serde_json::Value;
 use tracklens::metric::context::{CLOSE, assignment, regression};
 
-/// Normal equations here, a singular value decomposition there: both of condition numbers below 1e3 in f64.
+/// Normal equations here, a singular value decomposition there: both of condition numbers below 1e3
+/// in f64.
 const RELATIVE: f64 = 1e-9;
 
 struct Case {
@@ -24,7 +25,10 @@ fn cases() -> Vec<Case> {
     let cases = fixture["cases"].as_array().expect("cases").iter();
     cases
         .map(|case| {
-            let shape: Vec<usize> = numbers(&case["shape"]).iter().map(|n| *n as usize).collect();
+            let shape: Vec<usize> = numbers(&case["shape"])
+                .iter()
+                .map(|n| *n as usize)
+                .collect();
             let points = |values: &Value, count: usize| {
                 Array3::from_shape_vec((shape[0], count, 2), numbers(values)).expect("the shape")
             };
@@ -32,7 +36,10 @@ fn cases() -> Vec<Case> {
                 name: case["name"].as_str().expect("a name").to_owned(),
                 keypoints: points(&case["keypoints"], shape[1]),
                 truth: points(&case["truth"], shape[2]),
-                folds: numbers(&case["folds"]).iter().map(|n| *n as usize).collect(),
+                folds: numbers(&case["folds"])
+                    .iter()
+                    .map(|n| *n as usize)
+                    .collect(),
                 length: case["length"].as_u64().expect("a length") as usize,
                 expected: case.clone(),
             }
@@ -42,14 +49,17 @@ fn cases() -> Vec<Case> {
 
 fn numbers(values: &Value) -> Vec<f64> {
     let values = values.as_array().expect("numbers").iter();
-    values.map(|value| value.as_f64().unwrap_or(f64::NAN)).collect()
+    values
+        .map(|value| value.as_f64().unwrap_or(f64::NAN))
+        .collect()
 }
 
 #[test]
 fn regression_and_pck_equal_scikit_learn() {
     for case in cases() {
         for (key, folds) in [("regression", None), ("held_out", Some(&case.folds[..]))] {
-            let found = regression(case.keypoints.view(), case.truth.view(), folds).expect("a regression");
+            let found =
+                regression(case.keypoints.view(), case.truth.view(), folds).expect("a regression");
             let expected = case.expected[key].as_array().expect("objects");
             assert_eq!(found.len(), expected.len());
             for (found, expected) in found.iter().zip(expected) {
@@ -57,7 +67,10 @@ fn regression_and_pck_equal_scikit_learn() {
                 assert_eq!(Some(found.frames), expected["frames"].as_u64(), "{what}");
                 let error = expected["error"].as_f64().expect("an error");
                 let ours = found.error.expect("an error");
-                assert!((ours - error).abs() <= RELATIVE * error, "{what}: {ours} {error}");
+                assert!(
+                    (ours - error).abs() <= RELATIVE * error,
+                    "{what}: {ours} {error}"
+                );
                 assert_eq!(
                     found.close.expect("PCK").to_vec(),
                     numbers(&expected["close"]),
@@ -74,8 +87,8 @@ fn assignments_equal_scipy() {
         let frames = case.keypoints.dim().0;
         for (key, length) in [("frames", 1), ("sequences", case.length)] {
             let trajectories = (0..frames).step_by(length).map(|t| t..t + length);
-            let found =
-                assignment(case.keypoints.view(), case.truth.view(), trajectories).expect("an assignment");
+            let found = assignment(case.keypoints.view(), case.truth.view(), trajectories)
+                .expect("an assignment");
             let expected = &case.expected[key];
             assert_eq!(Some(found.keypoints), expected["keypoints"].as_u64());
             assert_eq!(Some(found.objects), expected["objects"].as_u64());
@@ -97,7 +110,8 @@ fn assignments_equal_scipy() {
 
 #[test]
 fn what_cannot_be_seen_or_is_not_finite_is_left_out() {
-    let mut keypoints = Array3::from_shape_fn((12, 1, 2), |(t, _, axis)| ((3 * t + axis) % 7) as f64 / 7.0);
+    let mut keypoints =
+        Array3::from_shape_fn((12, 1, 2), |(t, _, axis)| ((3 * t + axis) % 7) as f64 / 7.0);
     let mut truth = Array3::from_elem((12, 2, 2), f64::NAN);
     for t in 0..12 {
         for axis in 0..2 {

@@ -1,4 +1,5 @@
-//! Tables, images, sequences, joins and checkpoints: what is read right, and what is said of bad input.
+//! Tables, images, sequences, joins and checkpoints: what is read right, and what is said of bad
+//! input.
 
 mod shared;
 
@@ -8,8 +9,8 @@ use safetensors::SafeTensors;
 use shared::{golden, tensor};
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{
-    Filter, Frame, FrameIndex, Role, TableOptions, classify, join, keypoints_csv, parse_ground_truth,
-    parse_keypoints, resize_planar,
+    Filter, Frame, FrameIndex, Role, TableOptions, classify, join, keypoints_csv,
+    parse_ground_truth, parse_keypoints, resize_planar,
 };
 use tracklens::track::FrameKey;
 
@@ -35,7 +36,8 @@ fn keypoint_error(text: &str) -> String {
 #[test]
 fn a_table_is_read_in_natural_order_whatever_its_own() {
     let text = "frame,x,y,object,sequence\n1,0.5,0.25,cube,s10\n0,1,2,cube,s10\n0,-1,-2,cube,s9\n";
-    let table = parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
+    let table =
+        parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
     assert!(table.notices.is_empty());
     let truth = table.content;
     assert_eq!(truth.keys(), [key("s9", 0), key("s10", 0), key("s10", 1)]);
@@ -71,7 +73,8 @@ fn byte_order_mark_crlf_semicolons_and_tabs_are_read() {
 #[test]
 fn what_is_missing_is_not_visible_and_counted() {
     let text = "sequence,frame,object,x,y\n0,0,cube,0.1,0.2\n0,0,eef,,\n0,1,cube,nan,nan\n0,1,eef,0,0\n0,2,eef,1,1\n";
-    let table = parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
+    let table =
+        parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
     assert!(table.content.frame(0)[[1, 0]].is_nan());
     assert!(table.content.frame(2)[[0, 0]].is_nan());
     assert!(
@@ -116,7 +119,10 @@ fn bad_tables_are_told_with_line_and_column() {
             String::new(),
             "the table has no header; expected `sequence,frame,object,x,y`",
         ),
-        (header.to_owned(), "gt.csv: the table has a header and no rows"),
+        (
+            header.to_owned(),
+            "gt.csv: the table has a header and no rows",
+        ),
         (
             "sequence,frame,object,x\n0,0,cube,1\n".to_owned(),
             "line 1: column `y` missing; expected",
@@ -163,12 +169,18 @@ fn bad_tables_are_told_with_line_and_column() {
         ),
     ] {
         let message = truth_error(&text);
-        assert!(message.contains(expected), "{message}\nexpected: {expected}");
+        assert!(
+            message.contains(expected),
+            "{message}\nexpected: {expected}"
+        );
     }
     let utf16 = parse_ground_truth(&[0xff, 0xfe, b's', 0], "gt.csv", &TableOptions::default())
         .expect_err("UTF-16")
         .to_string();
-    assert!(utf16.contains("UTF-16; save it as \"CSV UTF-8\""), "{utf16}");
+    assert!(
+        utf16.contains("UTF-16; save it as \"CSV UTF-8\""),
+        "{utf16}"
+    );
     let latin = parse_ground_truth(
         b"sequence,frame,object,x,y\n0,0,w\xfcrfel,0,0\n",
         "gt.csv",
@@ -200,7 +212,10 @@ fn keypoints_are_numbered_from_zero_without_gaps() {
         "{message}"
     );
     let message = keypoint_error(&format!("{header}0,0,4000000000,0,0\n"));
-    assert!(message.contains("expected its number, 0 to 4095"), "{message}");
+    assert!(
+        message.contains("expected its number, 0 to 4095"),
+        "{message}"
+    );
     let message = keypoint_error("sequence,frame,object,x,y\n0,0,cube,0,0\n");
     assert!(message.contains("column `keypoint` missing"), "{message}");
     assert!(
@@ -211,7 +226,8 @@ fn keypoints_are_numbered_from_zero_without_gaps() {
 
 #[test]
 fn keypoints_written_as_csv_are_read_back_digit_by_digit() {
-    let text = "sequence,frame,keypoint,x,y\n\"a,b\",3,0,0.1,-0.30000001192092896\n\"a,b\",3,1,1e-17,1\n";
+    let text =
+        "sequence,frame,keypoint,x,y\n\"a,b\",3,0,0.1,-0.30000001192092896\n\"a,b\",3,1,1e-17,1\n";
     let track = parse_keypoints(text.as_bytes(), "kp.csv", &TableOptions::default())
         .expect("a table")
         .content;
@@ -248,7 +264,10 @@ fn frames_are_ordered_naturally_and_numbered_by_their_names() {
     let none = FrameIndex::new(&["a/readme.md"])
         .expect_err("no images")
         .to_string();
-    assert!(none.contains("no images among 1 file; expected .png"), "{none}");
+    assert!(
+        none.contains("no images among 1 file; expected .png"),
+        "{none}"
+    );
     // A number that is the same for all does not tell frames apart; the one before it does.
     let cameras = FrameIndex::new(&["s/f1_cam0.png", "s/f0_cam0.png"]).expect("frames");
     assert_eq!(cameras.keys(), [key("s", 0), key("s", 1)]);
@@ -257,15 +276,23 @@ fn frames_are_ordered_naturally_and_numbered_by_their_names() {
             "s/cover.png",
             "s: `cover.png` has no number, other images of its folder have",
         ),
-        ("s/f_2 (copy).png", "are both frame 2; expected one image a frame"),
-        ("s/f_2 (1).png", "`f_2 (1).png` and `f_2.png` are both frame 2"),
+        (
+            "s/f_2 (copy).png",
+            "are both frame 2; expected one image a frame",
+        ),
+        (
+            "s/f_2 (1).png",
+            "`f_2 (1).png` and `f_2.png` are both frame 2",
+        ),
         ("s/f_2 (12).png", "are both frame 2"),
         ("s/f_2.jpg", "are both frame 2"),
     ] {
-        let error = FrameIndex::new(&["s/f_0.png", "s/f_1.png", "s/f_2.png", extra]).expect_err("ambiguous");
+        let error = FrameIndex::new(&["s/f_0.png", "s/f_1.png", "s/f_2.png", extra])
+            .expect_err("ambiguous");
         assert!(error.to_string().contains(expected), "{error}");
     }
-    // A copy whose original is gone is that frame; where all are named like copies, they are numbered so.
+    // A copy whose original is gone is that frame; where all are named like copies, they are
+    // numbered so.
     let alone = FrameIndex::new(&["s/f_0.png", "s/f_5 (1).png"]).expect("frames");
     assert_eq!(alone.keys(), [key("s", 0), key("s", 5)]);
     let renamed = FrameIndex::new(&["s/run 7 (2).png", "s/run 7 (1).png"]).expect("frames");
@@ -302,7 +329,11 @@ fn frames_find_their_rows_by_name_number_or_being_the_only_ones() {
     let both = join(&[key("0", 0), key("seq_0012", 0)], &rows).expect("a join");
     assert_eq!(both.pairs, [(0, 0), (1, 2)]);
     // Two sequences with one number: neither is guessed.
-    let shared = join(&[key("run_12", 0), key("seq_0012", 0), key("seq_0000", 1)], &rows).expect("a join");
+    let shared = join(
+        &[key("run_12", 0), key("seq_0012", 0), key("seq_0000", 1)],
+        &rows,
+    )
+    .expect("a join");
     assert_eq!(shared.pairs, [(2, 1)]);
     assert!(
         shared
@@ -352,14 +383,16 @@ fn bad_images_are_told_with_what_was_expected() {
     );
     assert!(message(b"").contains("not a PNG, JPEG or WebP image (0 bytes)"));
     assert!(message(b"sequence,frame\n").contains("not a PNG, JPEG or WebP image"));
-    assert!(message(&blank_png(1, 1)).contains("the image is 1 x 1 pixels; expected 16 to 8192 a side"));
+    assert!(
+        message(&blank_png(1, 1)).contains("the image is 1 x 1 pixels; expected 16 to 8192 a side")
+    );
     // Refused by its header: the pixels of 20,000 x 20,000 are never allocated.
     assert!(message(&blank_png(20_000, 20_000)).contains("the image is 20000 x 20000 pixels"));
 }
 
-/// Both decoders of WebP are bit-exact and spread halved colours alike. JPEG's inverse transform may be off by 1, and the
-/// conversion of colours makes 3 of it (4:4:4); of 4:2:0 the halved colours are spread by filters that round once more. Few
-/// numbers are off at all.
+/// Both decoders of WebP are bit-exact and spread halved colours alike. JPEG's inverse transform
+/// may be off by 1, and the conversion of colours makes 3 of it (4:4:4); of 4:2:0 the halved
+/// colours are spread by filters that round once more. Few numbers are off at all.
 #[test]
 fn photos_are_decoded_as_by_pillow() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/photos");
@@ -390,10 +423,17 @@ fn photos_are_decoded_as_by_pillow() {
             sum / differences.len() as f64,
             differences.iter().max().copied().unwrap_or(0),
         );
-        println!("frame {i}, {ending}: mean {:.3}, largest {}", found.0, found.1);
-        assert!(found.0 <= mean && found.1 <= largest, "frame {i}: {found:?}");
+        println!(
+            "frame {i}, {ending}: mean {:.3}, largest {}",
+            found.0, found.1
+        );
+        assert!(
+            found.0 <= mean && found.1 <= largest,
+            "frame {i}: {found:?}"
+        );
         // Cut short anywhere.
-        let whole = std::fs::read(folder.join(format!("seq_0000/frame_{i:03}.{ending}"))).expect("a file");
+        let whole =
+            std::fs::read(folder.join(format!("seq_0000/frame_{i:03}.{ending}"))).expect("a file");
         for percent in [30, 50, 90, 99] {
             let part = &whole[..whole.len() * percent / 100];
             let Err(error) = Frame::decode(part) else {
@@ -405,7 +445,10 @@ fn photos_are_decoded_as_by_pillow() {
             );
         }
         // An array of the same pixels.
-        assert_eq!(Frame::decode(&ours.to_npy()).expect("an array").rgb(), ours.rgb());
+        assert_eq!(
+            Frame::decode(&ours.to_npy()).expect("an array").rgb(),
+            ours.rgb()
+        );
     }
 }
 
@@ -468,11 +511,14 @@ fn checkpoints_are_read_and_written_whole() {
     assert_eq!(checkpoint.config.architecture.to_string(), "basic-std-bg");
     assert_eq!(checkpoint.config.target_size, [16, 16]);
     assert_eq!(checkpoint.config.encoder_channels, [4, 6, 8]);
-    let again =
-        Checkpoint::from_safetensors(&checkpoint.to_safetensors().expect("bytes")).expect("a checkpoint");
+    let again = Checkpoint::from_safetensors(&checkpoint.to_safetensors().expect("bytes"))
+        .expect("a checkpoint");
     assert_eq!(again, checkpoint);
     let architecture = "basic-vel-std-bg".parse().expect("an architecture");
-    assert_eq!(SaeConfig::new(architecture).architecture.velocity_weight(), 0.1);
+    assert_eq!(
+        SaeConfig::new(architecture).architecture.velocity_weight(),
+        0.1
+    );
 }
 
 #[test]
@@ -492,7 +538,9 @@ fn bad_checkpoints_are_told() {
     }
     // A checkpoint of something else: its encoder has other names.
     let mut other = Checkpoint::from_safetensors(&bytes).expect("valid").tensors;
-    let weight = other.remove("encoder.block1.conv1.weight").expect("a weight");
+    let weight = other
+        .remove("encoder.block1.conv1.weight")
+        .expect("a weight");
     other.insert("encoder.stem.weight".to_owned(), weight);
     let other = safetensors::serialize(
         other.iter().map(|(name, t)| {
@@ -521,10 +569,16 @@ fn bad_checkpoints_are_told() {
     wrong.tensors.remove("encoder.block2.conv1.weight");
     let error = wrong.to_safetensors().expect_err("missing").to_string();
     assert!(
-        error.contains("tensor `encoder.block2.conv1.weight` is missing; expected shape [6, 4, 3, 3]"),
+        error.contains(
+            "tensor `encoder.block2.conv1.weight` is missing; expected shape [6, 4, 3, 3]"
+        ),
         "{error}"
     );
-    assert!("vgg".parse::<tracklens::checkpoint::Architecture>().is_err());
+    assert!(
+        "vgg"
+            .parse::<tracklens::checkpoint::Architecture>()
+            .is_err()
+    );
 }
 
 struct OwnedView(Vec<usize>, Vec<u8>);
@@ -555,20 +609,30 @@ fn files_are_recognised_by_name_and_header() {
         role("gt.csv", "\u{feff}sequence;frame;Object;x;y\r\n"),
         Role::GroundTruth
     );
-    assert_eq!(role("kp.csv", "sequence,frame,keypoint,x,y\n"), Role::Keypoints);
+    assert_eq!(
+        role("kp.csv", "sequence,frame,keypoint,x,y\n"),
+        Role::Keypoints
+    );
     assert_eq!(role("w.safetensors", ""), Role::Checkpoint);
     assert_eq!(role("checkpoint_final.PTH", ""), Role::Checkpoint);
     let by_content = |path: &str, name: &str| classify(path, &golden(name)[..4096]);
     for name in ["basic-vel-std-bg-tiny.pth", "dsae-tiny.safetensors"] {
         for path in ["weights", "run/weights.bin"] {
-            assert_eq!(by_content(path, name).role, Role::Checkpoint, "{path} {name}");
+            assert_eq!(
+                by_content(path, name).role,
+                Role::Checkpoint,
+                "{path} {name}"
+            );
         }
     }
     assert_eq!(
         by_content("w", "basic-vel-std-bg-tiny.pth").reason,
         "a PyTorch checkpoint, by its content"
     );
-    assert_eq!(role("frames.zip", "PK\u{3}\u{4} something else"), Role::Archive);
+    assert_eq!(
+        role("frames.zip", "PK\u{3}\u{4} something else"),
+        Role::Archive
+    );
     assert_eq!(
         by_content("w.zip", "basic-vel-std-bg-tiny.pth").role,
         Role::Checkpoint
@@ -581,7 +645,9 @@ fn files_are_recognised_by_name_and_header() {
     );
     assert_eq!(role("push.hdf5", ""), Role::Unknown);
     // Two columns a point say nothing of what the points are.
-    assert!(classify("t.csv", b"frame,a_x,a_y\n").guess && !classify("gt.csv", b"object,x,y\n").guess);
+    assert!(
+        classify("t.csv", b"frame,a_x,a_y\n").guess && !classify("gt.csv", b"object,x,y\n").guess
+    );
     assert_eq!(role("notes.pdf", ""), Role::Unknown);
     assert_eq!(role("__MACOSX/frame_0.png", ""), Role::Unknown);
     assert!(

@@ -1,4 +1,5 @@
-//! The CPU engine against the authors' modules (`golden/*.safetensors`, computed by them with PyTorch).
+//! The CPU engine against the authors' modules (`golden/*.safetensors`, computed by them with
+//! PyTorch).
 
 mod shared;
 
@@ -9,8 +10,8 @@ use tracklens::data::{Filter, Frame, Pixels};
 use tracklens::engine::{Decoder, Encoder, Workspace};
 use tracklens::extract::{CpuExtractor, Extractor};
 
-/// Two float32 implementations add the same products in another order, and the peaky attention maps magnify it: 1e-5
-/// is measured on the full-size encoder. 1e-4 is 1/80 of a pixel at 256 px.
+/// Two float32 implementations add the same products in another order, and the peaky attention maps
+/// magnify it: 1e-5 is measured on the full-size encoder. 1e-4 is 1/80 of a pixel at 256 px.
 const TOLERANCE: f32 = 1e-4;
 
 /// The largest difference of the engine's keypoints from the golden ones of the given input.
@@ -43,10 +44,14 @@ fn difference(encoder: &Encoder, file: &SafeTensors, input: &str, expected: &str
 
 #[test]
 fn the_engine_equals_the_reference_on_tiny_encoders() {
-    for name in ["basic-vel-std-bg-tiny", "dsae-tiny", "keynet-vel-std-bg-tiny"] {
+    for name in [
+        "basic-vel-std-bg-tiny",
+        "dsae-tiny",
+        "keynet-vel-std-bg-tiny",
+    ] {
         let bytes = golden(&format!("{name}.safetensors"));
-        let encoder =
-            Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
+        let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))
+            .expect("a plan");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
         let largest = difference(&encoder, &file, "golden.input64", "golden.keypoints64");
         assert!(largest < TOLERANCE, "{name}");
@@ -59,11 +64,14 @@ fn the_engine_equals_the_reference_on_the_papers_encoders() {
         let Some(bytes) = shared::large_golden(&format!("{name}.safetensors")) else {
             return;
         };
-        let encoder =
-            Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint")).expect("a plan");
+        let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))
+            .expect("a plan");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
         for size in ["64", "256"] {
-            let (input, keypoints) = (format!("golden.input{size}"), format!("golden.keypoints{size}"));
+            let (input, keypoints) = (
+                format!("golden.input{size}"),
+                format!("golden.keypoints{size}"),
+            );
             assert!(
                 difference(&encoder, &file, &input, &keypoints) < TOLERANCE,
                 "{name}"
@@ -102,7 +110,9 @@ fn a_frame_gives_what_its_planes_give() {
     for pixels in [Pixels::Bytes(bytes), Pixels::Floats(floats)] {
         let frame = Frame::from_pixels(37, 50, pixels).expect("a frame");
         let planes = frame.to_planar(None, Filter::BilinearAntialias);
-        let expected = encoder.run(&mut workspace, &planes, [37, 50]).expect("keypoints");
+        let expected = encoder
+            .run(&mut workspace, &planes, [37, 50])
+            .expect("keypoints");
         assert_eq!(
             encoder.extract(&mut workspace, &frame).expect("keypoints"),
             expected
@@ -167,10 +177,16 @@ fn the_grid_places_border_cells_where_the_convolutions_see_them() {
 
 #[test]
 fn decoders_reconstruct_as_the_reference() {
-    for name in ["basic-vel-std-bg-tiny", "dsae-tiny", "keynet-vel-std-bg-tiny"] {
+    for name in [
+        "basic-vel-std-bg-tiny",
+        "dsae-tiny",
+        "keynet-vel-std-bg-tiny",
+    ] {
         let bytes = golden(&format!("{name}.safetensors"));
         let mut checkpoint = Checkpoint::from_safetensors(&bytes).expect("a checkpoint");
-        let decoder = Decoder::new(&checkpoint).expect("a plan").expect("a decoder");
+        let decoder = Decoder::new(&checkpoint)
+            .expect("a plan")
+            .expect("a decoder");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
         let (shape, points) = tensor(&file, "golden.keypoints64");
         let (image_shape, images) = tensor(&file, "golden.reconstruction64");
@@ -189,10 +205,13 @@ fn decoders_reconstruct_as_the_reference() {
             }
         }
         println!("{name}: largest difference {largest:.1e}");
-        // A trained sigma of 0.1 magnifies the rounding of f32, in the reference as well: up to 7e-4.
+        // A trained sigma of 0.1 magnifies the rounding of f32, in the reference as well: up to
+        // 7e-4.
         assert!(largest < 2e-3, "{name}: {largest}");
         assert!(decoder.reconstruct(&[]).is_err());
-        checkpoint.tensors.retain(|name, _| !name.starts_with("decoder."));
+        checkpoint
+            .tensors
+            .retain(|name, _| !name.starts_with("decoder."));
         assert!(Decoder::new(&checkpoint).expect("no error").is_none());
     }
 }
@@ -246,7 +265,8 @@ fn a_frame_smaller_than_the_kernels_is_told() {
 
 #[test]
 fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
-    // An encoder made by hand: each block passes its input on (centre taps of 1), the aggregation is sharp.
+    // An encoder made by hand: each block passes its input on (centre taps of 1), the aggregation
+    // is sharp.
     let mut checkpoint =
         Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
     for (name, tensor) in checkpoint
@@ -254,7 +274,8 @@ fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
         .iter_mut()
         .filter(|(name, _)| name.starts_with("encoder."))
     {
-        let scale = name.ends_with("running_var") || (name.contains(".bn") && name.ends_with("weight"));
+        let scale =
+            name.ends_with("running_var") || (name.contains(".bn") && name.ends_with("weight"));
         tensor.data.fill(if scale { 1.0 } else { 0.0 });
         if name.contains(".conv") && name.ends_with("weight") {
             tensor.data[4] = 1.0;

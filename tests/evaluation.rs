@@ -1,4 +1,5 @@
-//! What an evaluation brings beside its errors, by the real binary: sequences, context, figures, reports, saved results.
+//! What an evaluation brings beside its errors, by the real binary: sequences, context, figures,
+//! reports, saved results.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -6,9 +7,12 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 use tempfile::TempDir;
-use tracklens::report::{EvaluationReport, Theme, capability, evaluation_figures, matrix, sequences};
+use tracklens::report::{
+    EvaluationReport, Theme, capability, evaluation_figures, matrix, sequences,
+};
 
-/// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing; `hidden` is never visible.
+/// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing;
+/// `hidden` is never visible.
 fn tables() -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let mut truth = String::from("sequence,frame,object,x,y\n");
@@ -19,7 +23,11 @@ fn tables() -> TempDir {
             let (x, y) = (0.8 * (i * 0.37).sin(), 0.8 * (i * 0.71).cos());
             let off = if s == 2 { 0.1 * (i * 2.9).sin() } else { 0.0 };
             truth += &format!("{sequence},{t},cube,{x},{y}\n{sequence},{t},hidden,,\n");
-            keypoints += &format!("{sequence},{t},0,{},{}\n", 0.5 * x + off, 0.1 - y + off * off);
+            keypoints += &format!(
+                "{sequence},{t},0,{},{}\n",
+                0.5 * x + off,
+                0.1 - y + off * off
+            );
             keypoints += &format!("{sequence},{t},1,{},{}\n", (i * 1.3).cos(), (i * 1.9).sin());
         }
     }
@@ -48,7 +56,9 @@ fn json(output: &Output) -> Value {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("{value} is no number"))
 }
 
 #[test]
@@ -88,7 +98,8 @@ fn few_sequences_of_objects_that_stand_still_are_warned_of() {
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     let text = warnings[0].as_str().expect("text");
     assert!(
-        text.starts_with("object `still` hardly moves within the 3 sequences:") && text.contains("--folds"),
+        text.starts_with("object `still` hardly moves within the 3 sequences:")
+            && text.contains("--folds"),
         "{text}"
     );
     assert!(warned(&["--transform", "identity"]).1.is_empty());
@@ -127,7 +138,10 @@ fn sequences_are_listed_worst_first_and_make_up_the_error() {
 #[test]
 fn the_second_best_keypoint_and_the_command_are_named() {
     let folder = tables();
-    let result = json(&score(folder.path(), &["--json", "--threshold", "cube=0.02"]));
+    let result = json(&score(
+        folder.path(),
+        &["--json", "--threshold", "cube=0.02"],
+    ));
     let cube = &result["objects"][0];
     assert_eq!(cube["second_best"]["keypoint"], 1);
     assert_eq!(cube["second_best"]["error"], result["errors"][0][1]);
@@ -144,7 +158,10 @@ fn context_has_regression_and_assignment_on_demand() {
     let folder = tables();
     let plain = json(&score(folder.path(), &["--json"]));
     assert!(plain.get("context").is_none() && plain.get("sequences").is_none());
-    let context = &json(&score(folder.path(), &["--context", "--folds", "3", "--json"]))["context"];
+    let context = &json(&score(
+        folder.path(),
+        &["--context", "--folds", "3", "--json"],
+    ))["context"];
     let rows = context["regression"].as_array().expect("rows");
     assert_eq!(rows.len(), 4);
     // All keypoints together leave no more than the best one alone on the frames that are fitted.
@@ -247,11 +264,18 @@ fn a_saved_evaluation_is_read_again_and_newer_ones_are_refused() {
     };
     let newer = told(&with("schema", "tracklens/evaluation/3".into()));
     assert!(
-        newer.contains("saved.json") && newer.contains("evaluation/3") && newer.contains("reads up to"),
+        newer.contains("saved.json")
+            && newer.contains("evaluation/3")
+            && newer.contains("reads up to"),
         "{newer}"
     );
-    assert!(told(&with("schema", "tracklens/report/1".into())).contains("expected `tracklens/evaluation/2`"));
-    assert!(told(&with("errors", serde_json::json!([[1.0]]))).contains("expected one row an object"));
+    assert!(
+        told(&with("schema", "tracklens/report/1".into()))
+            .contains("expected `tracklens/evaluation/2`")
+    );
+    assert!(
+        told(&with("errors", serde_json::json!([[1.0]]))).contains("expected one row an object")
+    );
     assert!(told(&with("objects", Value::Null)).contains("not complete"));
     assert!(told(&Value::from(3)).contains("no JSON of an evaluation"));
 

@@ -1,4 +1,5 @@
-//! Recordings as arrays (NPZ, HDF5), and the authors' split: against files that numpy and h5py wrote.
+//! Recordings as arrays (NPZ, HDF5), and the authors' split: against files that numpy and h5py
+//! wrote.
 
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -7,8 +8,9 @@ use ndarray::{Array3, Array4, ArrayView};
 use serde_json::Value;
 use tracklens::data::{
     ArchiveEntry, ArchiveIndex, AxisOrder, Frame, FrameSource, Ground, NpyArray, NpzWriter, Pixels,
-    Recording, Space, Split, TableOptions, ground_truth_csv, ground_truth_of_arrays, keypoints_of_arrays,
-    numpy_permutation, parse_ground_truth, parse_npz_ground_truth, parse_npz_keypoints,
+    Recording, Space, Split, TableOptions, ground_truth_csv, ground_truth_of_arrays,
+    keypoints_of_arrays, numpy_permutation, parse_ground_truth, parse_npz_ground_truth,
+    parse_npz_keypoints,
 };
 use tracklens::track::FrameKey;
 
@@ -30,7 +32,11 @@ fn the_reference_split_is_numpys() {
         let number = |name: &str| case[name].as_u64().expect("a number") as u32;
         let expected: Vec<usize> = serde_json::from_value(case["order"].clone()).expect("an order");
         let (count, seed) = (number("count"), number("seed"));
-        assert_eq!(numpy_permutation(count, seed), expected, "{count}, seed {seed}");
+        assert_eq!(
+            numpy_permutation(count, seed),
+            expected,
+            "{count}, seed {seed}"
+        );
         let parts = Split::Reference { seed }
             .divide(expected.len(), |_| panic!("nothing is drawn"))
             .expect("a split");
@@ -52,7 +58,10 @@ fn splits_are_read_from_text_and_json() {
         validation: 0.25,
     };
     assert_eq!(parse("0.5, 0.25").expect("shares"), shares);
-    assert_eq!(parse("reference").expect("a split"), Split::Reference { seed: 0 });
+    assert_eq!(
+        parse("reference").expect("a split"),
+        Split::Reference { seed: 0 }
+    );
     assert_eq!(
         parse("reference:7").expect("a split"),
         Split::Reference { seed: 7 }
@@ -75,9 +84,14 @@ fn splits_are_read_from_text_and_json() {
 #[test]
 fn every_share_has_a_sequence() {
     for (training, validation) in [(0.001, 0.001), (0.999, 0.001), (0.5, 0.5)] {
-        let split = Split::Shares { training, validation };
+        let split = Split::Shares {
+            training,
+            validation,
+        };
         for sequences in 2..9 {
-            let parts = split.divide(sequences, |order| order.reverse()).expect("a split");
+            let parts = split
+                .divide(sequences, |order| order.reverse())
+                .expect("a split");
             assert!(!parts.training.is_empty() && !parts.validation.is_empty());
             let total = parts.training.len() + parts.validation.len() + parts.testing.len();
             assert_eq!(total, sequences);
@@ -119,7 +133,8 @@ fn read_as(axes: Option<AxisOrder>) -> TableOptions {
 
 fn npz(name: &str, axes: Option<AxisOrder>) -> Recording {
     let bytes = fixture(&format!("data/formats/{name}"));
-    Recording::from_npz(Cursor::new(bytes), &read_as(axes)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    Recording::from_npz(Cursor::new(bytes), &read_as(axes))
+        .unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 fn hdf5(name: &str, axes: Option<AxisOrder>) -> Recording {
@@ -173,7 +188,10 @@ fn the_authors_recording_is_read_with_every_bit() {
         .expect("objects");
     assert_eq!(paper.points_ndc().dim(), (15, 3, 2));
     assert_eq!(paper.frame(7).row(2), truth.frame(7).row(4));
-    let error = truth.select(&["cup".to_owned()]).expect_err("no cup").to_string();
+    let error = truth
+        .select(&["cup".to_owned()])
+        .expect_err("no cup")
+        .to_string();
     assert!(
         error.contains("`cup`") && error.contains("cube, target"),
         "{error}"
@@ -235,12 +253,17 @@ fn npz_recordings_are_read() {
 #[test]
 fn points_alone_are_a_ground_truth_or_keypoints() {
     let bytes = fixture("data/formats/points.npz");
-    let table = parse_npz_ground_truth(&bytes, "points.npz", &read_as(None)).expect("a ground truth");
+    let table =
+        parse_npz_ground_truth(&bytes, "points.npz", &read_as(None)).expect("a ground truth");
     assert_eq!(table.content.names(), NAMES);
     assert_eq!(*table.content.points_ndc(), expected().points);
-    let track = parse_npz_keypoints(&bytes, "points.npz", &read_as(Some(AxisOrder::Yx))).expect("keypoints");
+    let track = parse_npz_keypoints(&bytes, "points.npz", &read_as(Some(AxisOrder::Yx)))
+        .expect("keypoints");
     assert_eq!(track.content.keypoints(), 5);
-    assert_eq!(track.content.frame(2)[[1, 0]], table.content.frame(2)[[1, 1]]);
+    assert_eq!(
+        track.content.frame(2)[[1, 0]],
+        table.content.frame(2)[[1, 1]]
+    );
     let error = Recording::from_npz(Cursor::new(bytes), &read_as(None))
         .err()
         .expect("no frames");
@@ -252,12 +275,16 @@ fn points_alone_are_a_ground_truth_or_keypoints() {
 
 #[test]
 fn a_ground_truth_survives_csv() {
-    let mut truth = npz("packed.npz", None).truth().expect("a ground truth").clone();
+    let mut truth = npz("packed.npz", None)
+        .truth()
+        .expect("a ground truth")
+        .clone();
     let mut points = truth.points_ndc().clone();
     points[[2, 1, 0]] = f64::NAN;
     points[[2, 1, 1]] = f64::NAN;
-    truth = tracklens::track::GroundTruth::new(truth.keys().to_vec(), truth.names().to_vec(), points)
-        .expect("a ground truth");
+    truth =
+        tracklens::track::GroundTruth::new(truth.keys().to_vec(), truth.names().to_vec(), points)
+            .expect("a ground truth");
     let again = parse_ground_truth(
         ground_truth_csv(&truth).as_bytes(),
         "gt.csv",
@@ -295,13 +322,15 @@ fn what_is_written_is_read_again() {
         s as f64 - 0.25 * t as f64 + 0.1 * a as f64
     });
     let bytes = written(|npz| {
-        npz.array("images", "<f4", &[2, 3, 16, 20, 3]).expect("an array");
+        npz.array("images", "<f4", &[2, 3, 16, 20, 3])
+            .expect("an array");
         for value in &values {
             npz.write(&value.to_le_bytes()).expect("written");
         }
         npz.floats("keypoints", &[2, 3, 1, 2], points.iter().copied())
             .expect("written");
-        npz.strings("names", &["ein Würfel".to_owned()]).expect("written");
+        npz.strings("names", &["ein Würfel".to_owned()])
+            .expect("written");
     });
     let recording = Recording::from_npz(Cursor::new(bytes), &read_as(None)).expect("a recording");
     assert_eq!(recording.image_size(), [20, 16]);
@@ -366,8 +395,10 @@ fn bad_npz_files_are_told_apart() {
         ),
         (
             written(|npz| {
-                npz.array("images", "<f4", &[1, 16, 16, 3]).expect("an array");
-                npz.write(&2.0f32.to_le_bytes().repeat(768)).expect("written");
+                npz.array("images", "<f4", &[1, 16, 16, 3])
+                    .expect("an array");
+                npz.write(&2.0f32.to_le_bytes().repeat(768))
+                    .expect("written");
             }),
             &[
                 "`images`, sequence seq_0000, frame 0",
@@ -385,7 +416,8 @@ fn bad_npz_files_are_told_apart() {
 fn bad_points_are_told_apart() {
     let with_points = |shape: &[usize], values: Vec<f64>, names: &[&str]| {
         npz_error(written(|npz| {
-            npz.array("images", "|u1", &[2, 3, 16, 16, 3]).expect("an array");
+            npz.array("images", "|u1", &[2, 3, 16, 16, 3])
+                .expect("an array");
             npz.write(&[0; 6 * 768]).expect("written");
             npz.floats("keypoints", shape, values.into_iter())
                 .expect("written");
@@ -397,7 +429,8 @@ fn bad_points_are_told_apart() {
     };
     let error = with_points(&[2, 4, 1, 2], vec![0.0; 16], &[]);
     assert!(
-        error.contains("`keypoints` has shape [2, 4, 1, 2]") && error.contains("2 sequences of 3 frames"),
+        error.contains("`keypoints` has shape [2, 4, 1, 2]")
+            && error.contains("2 sequences of 3 frames"),
         "{error}"
     );
     let error = with_points(&[2, 3, 3], vec![0.0; 18], &[]);
@@ -416,7 +449,12 @@ fn bad_points_are_told_apart() {
             .expect("written")
     });
     let table = parse_npz_ground_truth(&bytes, "gt.npz", &read_as(None)).expect("a ground truth");
-    assert!(table.notices.join("\n").contains("1 of 6 positions are missing"));
+    assert!(
+        table
+            .notices
+            .join("\n")
+            .contains("1 of 6 positions are missing")
+    );
 }
 
 #[test]
@@ -444,7 +482,10 @@ fn bad_hdf5_files_are_errors() {
     let error = read(fixture("data/formats/lzf.hdf5"))
         .expect_err("a filter")
         .to_string();
-    assert!(error.contains("`images`") && error.contains("gzip"), "{error}");
+    assert!(
+        error.contains("`images`") && error.contains("gzip"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -472,9 +513,11 @@ fn floats_become_bytes_only_when_asked() {
     }
 }
 
-/// The arrays of an NPZ file that `NpzWriter` made: stored, so that they lie in the file as they are.
+/// The arrays of an NPZ file that `NpzWriter` made: stored, so that they lie in the file as they
+/// are.
 fn arrays(bytes: &[u8], whole: bool) -> Vec<NpyArray> {
-    let ArchiveIndex::Entries(entries) = ArchiveIndex::read(bytes, bytes.len() as u64).expect("a directory")
+    let ArchiveIndex::Entries(entries) =
+        ArchiveIndex::read(bytes, bytes.len() as u64).expect("a directory")
     else {
         panic!("all of it was given");
     };
@@ -501,7 +544,8 @@ fn frames_of_a_file_that_is_not_in_memory_are_where_it_says() {
     let bytes = fixture("data/formats/frames.npz");
     let whole = npz("frames.npz", None);
     let all = arrays(&bytes, true);
-    let partly = Recording::from_arrays(arrays(&bytes, false), &read_as(None)).expect("a recording");
+    let partly =
+        Recording::from_arrays(arrays(&bytes, false), &read_as(None)).expect("a recording");
     assert_eq!(partly.index(), whole.index());
     assert_eq!(partly.truth(), whole.truth());
     let array = all
@@ -523,7 +567,8 @@ fn frames_of_a_file_that_is_not_in_memory_are_where_it_says() {
 
     // Points alone.
     let points = fixture("data/formats/points.npz");
-    let table = ground_truth_of_arrays(arrays(&points, false), &read_as(None)).expect("a ground truth");
+    let table =
+        ground_truth_of_arrays(arrays(&points, false), &read_as(None)).expect("a ground truth");
     assert_eq!(table.content.names(), NAMES);
     assert_eq!(table.reading.axes.by, Ground::Guess);
     let track = keypoints_of_arrays(arrays(&points, false), &read_as(None)).expect("keypoints");
@@ -571,5 +616,8 @@ fn points_in_pixels_take_the_size_of_the_frames_beside_them() {
     let error = parse_npz_ground_truth(&alone, "p.npz", &options)
         .expect_err("of unknown size")
         .to_string();
-    assert!(error.contains("the size of the images is not known"), "{error}");
+    assert!(
+        error.contains("the size of the images is not known"),
+        "{error}"
+    );
 }

@@ -1,5 +1,6 @@
-//! The GPU against the CPU and the authors' modules. `cargo xtask test` runs this on Mesa's lavapipe, a GPU in software, so
-//! that no card is needed; by itself it runs on the first GPU there is.
+//! The GPU against the CPU and the authors' modules. `cargo xtask test` runs this on Mesa's
+//! lavapipe, a GPU in software, so that no card is needed; by itself it runs on the first GPU there
+//! is.
 
 #[path = "shared/reference.rs"]
 mod reference;
@@ -11,7 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use burn::prelude::Device;
-use reference::{TINY, Tolerances, equals_the_reference, largest, tiny_training_equals_the_reference};
+use reference::{
+    TINY, Tolerances, equals_the_reference, largest, tiny_training_equals_the_reference,
+};
 use serde_json::Value;
 use shared::golden;
 use tracklens::checkpoint::{self, Checkpoint};
@@ -34,9 +37,10 @@ fn tiny_saes_equal_the_reference() {
 
 #[test]
 fn three_steps_of_training_equal_the_reference() {
-    // Rounding decides about a ReLU here and there (1e-3 of the gradients, 5e-3 of one, measured in the KeyNet), and about the
-    // sign of gradients near 0, of which Adam's first steps make whole ones: with the weights at the start changed by one
-    // rounding, the CPU's own losses move by 7e-3 in the third step, as they do on the GPU.
+    // Rounding decides about a ReLU here and there (1e-3 of the gradients, 5e-3 of one, measured in
+    // the KeyNet), and about the sign of gradients near 0, of which Adam's first steps make whole
+    // ones: with the weights at the start changed by one rounding, the CPU's own losses move by
+    // 7e-3 in the third step, as they do on the GPU.
     let tolerances = Tolerances {
         losses: [1e-4, 2e-2],
         gradients: [5e-3, 2e-2],
@@ -47,7 +51,9 @@ fn three_steps_of_training_equal_the_reference() {
 }
 
 fn path(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests")
+        .join(name)
 }
 
 fn tracklens(arguments: &[&str]) -> Command {
@@ -102,12 +108,17 @@ fn a_training_goes_on_where_it_stopped() {
     let told = run(train(&parts, &gpu).args(["--epochs", "1"]));
     assert!(told.contains("device: "), "{told}");
     let config: Value =
-        serde_json::from_slice(&fs::read(parts.join("config.json")).expect("a config")).expect("JSON");
+        serde_json::from_slice(&fs::read(parts.join("config.json")).expect("a config"))
+            .expect("JSON");
     assert_eq!(config["device"], "gpu");
     let name = config["adapter"]["name"].as_str().expect("a name");
     assert!(told.contains(name), "{told}");
     let is_software = config["adapter"]["software"] == true;
-    assert_eq!(told.contains("slower than --device cpu"), is_software, "{told}");
+    assert_eq!(
+        told.contains("slower than --device cpu"),
+        is_software,
+        "{told}"
+    );
 
     run(train(&parts, &gpu).args(["--epochs", "2", "--resume"]));
     run(train(&whole, &gpu).args(["--epochs", "2"]));
@@ -156,7 +167,11 @@ fn extracted_keypoints_are_those_of_the_cpu() {
             let [a, b] = [a, b].map(|line| line.split(',').collect::<Vec<_>>());
             assert_eq!(a[..3], b[..3]);
             for (values, cells) in values.iter_mut().zip([a, b]) {
-                values.extend(cells[3..].iter().map(|v| v.parse::<f32>().expect("a number")));
+                values.extend(
+                    cells[3..]
+                        .iter()
+                        .map(|v| v.parse::<f32>().expect("a number")),
+                );
             }
         }
         let difference = largest(&values[0], &values[1]);
@@ -189,7 +204,9 @@ fn a_missing_gpu_is_told() {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{stderr}");
     assert!(
-        stderr.contains("no GPU found; looked for one with a driver for Vulkan, Direct3D 12 or OpenGL"),
+        stderr.contains(
+            "no GPU found; looked for one with a driver for Vulkan, Direct3D 12 or OpenGL"
+        ),
         "{stderr}"
     );
     assert!(!out.exists());

@@ -1,16 +1,16 @@
-//! The metric against the authors' code (`golden/metric`, computed by it in float32 with PyTorch) and against
-//! properties it must have.
+//! The metric against the authors' code (`golden/metric`, computed by it in float32 with PyTorch)
+//! and against properties it must have.
 
 use ndarray::{Array2, Array3, ArrayView3, Axis, Slice};
 use proptest::prelude::*;
 use serde_json::Value;
 use tracklens::metric::{
-    Accumulator, Evaluation, Moments, NonFinite, Object, Rank, Settings, Transform, bootstrap, evaluate,
-    held_out,
+    Accumulator, Evaluation, Moments, NonFinite, Object, Rank, Settings, Transform, bootstrap,
+    evaluate, held_out,
 };
 
-/// The reference rounds to float32: its own errors differ from float64 by up to 3.4e-7 on these cases (each file
-/// records its own difference as `max_abs_diff_vs_numpy_f64`).
+/// The reference rounds to float32: its own errors differ from float64 by up to 3.4e-7 on these
+/// cases (each file records its own difference as `max_abs_diff_vs_numpy_f64`).
 const TOLERANCE: f64 = 1e-6;
 
 struct Golden {
@@ -138,7 +138,11 @@ fn the_maps_equal_the_reference() {
     let golden = golden("t50_n4_k2");
     for (name, transform) in &TRANSFORMS[1..] {
         let mut accumulator = Accumulator::new(4, 2, NonFinite::Error);
-        push_all(&mut accumulator, golden.keypoints.view(), golden.truth.view());
+        push_all(
+            &mut accumulator,
+            golden.keypoints.view(),
+            golden.truth.view(),
+        );
         let moments = accumulator.finish();
         for k in 0..2 {
             for n in 0..4 {
@@ -165,9 +169,17 @@ fn the_maps_equal_the_reference() {
 fn a_frame_without_the_object_does_not_count_for_it() {
     let mut golden = golden("t50_n4_k2");
     for t in [0, 7, 49] {
-        golden.truth.index_axis_mut(Axis(0), t).row_mut(1).fill(f64::NAN);
+        golden
+            .truth
+            .index_axis_mut(Axis(0), t)
+            .row_mut(1)
+            .fill(f64::NAN);
     }
-    let with_gaps = score(golden.keypoints.view(), golden.truth.view(), Settings::default());
+    let with_gaps = score(
+        golden.keypoints.view(),
+        golden.truth.view(),
+        Settings::default(),
+    );
     let kept: Vec<usize> = (0..50).filter(|t| ![0, 7, 49].contains(t)).collect();
     let without = score(
         golden.keypoints.select(Axis(0), &kept).view(),
@@ -185,7 +197,11 @@ fn a_frame_without_the_object_does_not_count_for_it() {
 fn an_object_visible_nowhere_has_no_error_and_is_not_tracked() {
     let mut golden = golden("t50_n4_k2");
     golden.truth.index_axis_mut(Axis(1), 0).fill(f64::NAN);
-    let evaluation = score(golden.keypoints.view(), golden.truth.view(), Settings::default());
+    let evaluation = score(
+        golden.keypoints.view(),
+        golden.truth.view(),
+        Settings::default(),
+    );
     assert!(evaluation.objects[0].best.is_none() && !evaluation.objects[0].tracked);
     assert_eq!(evaluation.objects[0].frames, 0);
     assert!(evaluation.tracking_capability <= 0.5);
@@ -204,8 +220,14 @@ fn a_keypoint_that_is_not_finite_is_an_error_or_a_counted_exclusion() {
             .to_string()
             .contains("keypoint 2 is (")
     );
-    let excluded =
-        evaluate(z, x, &objects(2), NonFinite::ExcludeFrame, &Settings::default()).expect("scored");
+    let excluded = evaluate(
+        z,
+        x,
+        &objects(2),
+        NonFinite::ExcludeFrame,
+        &Settings::default(),
+    )
+    .expect("scored");
     assert_eq!((excluded.frames, excluded.excluded), (48, 2));
     assert!(excluded.errors.iter().all(|e| e.is_finite()));
 }
@@ -244,13 +266,19 @@ fn dropped_directions_are_counted() {
 
 #[test]
 fn a_line_of_keypoints_is_fitted_along_the_line() {
-    // Along one line there is one direction; both rules leave the other out and explain all that can be.
+    // Along one line there is one direction; both rules leave the other out and explain all that
+    // can be.
     let t = 100;
     let along = |i: usize| i as f64 / t as f64 - 0.5;
-    let keypoints = Array3::from_shape_fn((t, 1, 2), |(i, _, axis)| along(i) * [0.3, 0.6][axis] + 0.1);
+    let keypoints =
+        Array3::from_shape_fn((t, 1, 2), |(i, _, axis)| along(i) * [0.3, 0.6][axis] + 0.1);
     let truth = Array3::from_shape_fn((t, 1, 2), |(i, _, axis)| along(i) * [1.0, -0.2][axis]);
     for rank in [Rank::Reference, Rank::Centred] {
-        let evaluation = score(keypoints.view(), truth.view(), settings(Transform::Affine, rank));
+        let evaluation = score(
+            keypoints.view(),
+            truth.view(),
+            settings(Transform::Affine, rank),
+        );
         // What is left is a difference of sums of squares (variance 0.09): a few roundings of f64.
         assert!(
             evaluation.errors[[0, 0]] < 1e-15,
@@ -263,7 +291,9 @@ fn a_line_of_keypoints_is_fitted_along_the_line() {
 
 #[test]
 fn the_best_keypoint_is_the_first_on_ties() {
-    let one = Array3::from_shape_fn((20, 1, 2), |(t, _, axis)| ((t * (axis + 2)) % 7) as f64 / 7.0);
+    let one = Array3::from_shape_fn((20, 1, 2), |(t, _, axis)| {
+        ((t * (axis + 2)) % 7) as f64 / 7.0
+    });
     let three = ndarray::concatenate![Axis(1), &one * 0.0, one, one];
     let evaluation = score(three.view(), one.view(), Settings::default());
     assert_eq!(evaluation.objects[0].best.expect("visible").keypoint, 1);
@@ -338,7 +368,8 @@ fn moments(keypoints: ArrayView3<f64>, truth: ArrayView3<f64>) -> Moments {
 }
 
 prop_compose! {
-    /// T frames of 5 keypoints and 2 objects (one hidden now and then), unevenly spread in the image.
+    /// T frames of 5 keypoints and 2 objects (one hidden now and then), unevenly spread in the
+    /// image.
     fn recording()(t in 3usize..200, seed in any::<u64>()) -> (Array3<f64>, Array3<f64>) {
         let mut state = seed | 1;
         let mut uniform = move || {
@@ -405,7 +436,8 @@ proptest! {
         }
     }
 
-    // The map can undo the change exactly; the condition of the change (up to about 40) scales the rounding.
+    // The map can undo the change exactly; the condition of the change (up to about 40) scales the
+    // rounding.
     #[test]
     fn the_affine_error_is_invariant_under_affine_changes_of_the_keypoints(
         (keypoints, truth) in recording(),
@@ -474,11 +506,15 @@ fn held_out_errors_are_those_of_maps_from_the_other_folds() {
     let parts: Vec<Moments> = sequences.iter().map(|s| moments_of(&[s])).collect();
     let objects = [Object::new("a", 0.05)];
     let settings = Settings::default();
-    // With a fold a sequence, the folds are known whatever the seed: fit on six, go frame by frame over the seventh.
+    // With a fold a sequence, the folds are known whatever the seed: fit on six, go frame by frame
+    // over the seventh.
     let found = held_out(&parts, 7, 5, &objects, &settings).expect("held out");
     let (mut sum, mut frames) = (0.0, 0);
     for left_out in 0..7 {
-        let others: Vec<_> = (0..7).filter(|s| *s != left_out).map(|s| &sequences[s]).collect();
+        let others: Vec<_> = (0..7)
+            .filter(|s| *s != left_out)
+            .map(|s| &sequences[s])
+            .collect();
         let evaluation = moments_of(&others)
             .evaluate(&objects, &settings)
             .expect("an evaluation");
@@ -492,7 +528,8 @@ fn held_out_errors_are_those_of_maps_from_the_other_folds() {
         }
     }
     let error = found.objects[0].error.expect("an error");
-    // Both are sums of 63 squares in f64; moments lose a few digits of an error that is 1e-3 of the variance.
+    // Both are sums of 63 squares in f64; moments lose a few digits of an error that is 1e-3 of the
+    // variance.
     assert!(
         (error - sum / f64::from(frames)).abs() < 1e-12,
         "{error} {}",
@@ -529,11 +566,15 @@ fn bootstrap_intervals_hold_the_spread_over_sequences() {
     let settings = Settings::default();
     let intervals = bootstrap(&parts, 2000, 0.95, 1, &objects, &settings).expect("intervals");
     let [low, high] = intervals.errors[0].expect("an interval");
-    // The standard error of a mean over sequences, whose normal interval the bootstrap's comes to. Fitting three numbers
-    // an axis on 360 frames takes 1 % of the error away, a tenth of the interval's half; the sample is skewed, and the
-    // ends of 2000 resamples scatter by some percent of it.
+    // The standard error of a mean over sequences, whose normal interval the bootstrap's comes to.
+    // Fitting three numbers an axis on 360 frames takes 1 % of the error away, a tenth of the
+    // interval's half; the sample is skewed, and the ends of 2000 resamples scatter by some percent
+    // of it.
     let all = moments_of(&sequences.iter().collect::<Vec<_>>());
-    let best = all.evaluate(&objects, &settings).expect("an evaluation").objects[0]
+    let best = all
+        .evaluate(&objects, &settings)
+        .expect("an evaluation")
+        .objects[0]
         .best
         .expect("best");
     let errors: Vec<f64> = sequences

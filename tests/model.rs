@@ -1,4 +1,5 @@
-//! The burn modules and one step of their training against the authors' modules (`golden/*.safetensors`).
+//! The burn modules and one step of their training against the authors' modules
+//! (`golden/*.safetensors`).
 
 #[path = "shared/reference.rs"]
 mod reference;
@@ -8,8 +9,8 @@ use std::collections::BTreeMap;
 
 use burn::prelude::{Device, Tensor, TensorData};
 use reference::{
-    KEYPOINTS, TINY, Tolerances, batch, equals_the_reference, largest, tiny_training_equals_the_reference,
-    training_equals_the_reference, values,
+    KEYPOINTS, TINY, Tolerances, batch, equals_the_reference, largest,
+    tiny_training_equals_the_reference, training_equals_the_reference, values,
 };
 use shared::golden;
 use tracklens::checkpoint::{self, Checkpoint, SaeConfig};
@@ -21,7 +22,11 @@ use tracklens::model::{Sae, fresh_weights, load_first_layer, points_xy};
 fn tiny_saes_equal_the_reference() {
     for name in TINY {
         println!("{name}");
-        equals_the_reference(&golden(&format!("{name}.safetensors")), &["64"], &Device::flex());
+        equals_the_reference(
+            &golden(&format!("{name}.safetensors")),
+            &["64"],
+            &Device::flex(),
+        );
     }
 }
 
@@ -73,10 +78,12 @@ fn the_engine_computes_what_the_module_defines() {
 #[test]
 fn three_steps_of_training_equal_the_reference() {
     let tolerances = Tolerances {
-        // Relative; the reference's float32 differs from its float64 by up to 1e-5 in the third step.
+        // Relative; the reference's float32 differs from its float64 by up to 1e-5 in the third
+        // step.
         losses: [1e-4; 2],
         gradients: [1e-3, 1e-2],
-        // A step of Adam is 1e-3; a tenth of that tells a wrong gradient from rounding in these tiny models.
+        // A step of Adam is 1e-3; a tenth of that tells a wrong gradient from rounding in these
+        // tiny models.
         weights: Some(1e-4),
         update: 1e-2,
     };
@@ -91,8 +98,8 @@ fn three_steps_of_training_at_full_size_equal_the_reference() {
     };
     let config = SaeConfig::named(architecture).expect("an architecture");
     let tolerances = Tolerances {
-        // ReLU and max-pool decisions flip in float32: losses agree to 2e-3, gradients as a whole and the first steps of
-        // Adam, which see their signs, by norm only.
+        // ReLU and max-pool decisions flip in float32: losses agree to 2e-3, gradients as a whole
+        // and the first steps of Adam, which see their signs, by norm only.
         losses: [2e-3; 2],
         gradients: [5e-2, 2e-1],
         weights: None,
@@ -118,7 +125,9 @@ fn a_checkpoint_survives_the_way_through_the_module() {
             let shape = vec![checkpoint.config.keypoints, 1, 1];
             let data = (0..shape[0]).map(|n| 0.1 + 0.01 * n as f32).collect();
             let sigma = checkpoint::Tensor { shape, data };
-            checkpoint.tensors.insert(checkpoint::SIGMA.to_owned(), sigma);
+            checkpoint
+                .tensors
+                .insert(checkpoint::SIGMA.to_owned(), sigma);
         }
         let sae = Sae::from_checkpoint(&checkpoint, &Device::flex()).expect("an SAE");
         let again = sae
@@ -186,7 +195,11 @@ fn file(tensors: &[(&str, &checkpoint::Tensor)]) -> Vec<u8> {
         .map(|(_, tensor)| tensor.data.iter().flat_map(|v| v.to_le_bytes()).collect())
         .collect();
     let views = tensors.iter().zip(&bytes).map(|((name, tensor), bytes)| {
-        let view = safetensors::tensor::TensorView::new(safetensors::Dtype::F32, tensor.shape.clone(), bytes);
+        let view = safetensors::tensor::TensorView::new(
+            safetensors::Dtype::F32,
+            tensor.shape.clone(),
+            bytes,
+        );
         (*name, view.expect("a tensor"))
     });
     safetensors::serialize(views, None).expect("a file")
@@ -233,8 +246,14 @@ fn a_dsae_takes_its_first_layer_from_a_densenet() {
         let error = load_first_layer(&mut fresh_weights(&config, 0), &file(tensors));
         error.expect_err("not to be used").to_string()
     };
-    assert!(message(&[("fc.bias", &dense)]).contains("none of its 1 tensors has the shape [64, 3, 7, 7]"));
-    assert!(message(&[("a", &filters), ("b", &like_it)]).contains("2 of its tensors (a, …) have the shape"));
+    assert!(
+        message(&[("fc.bias", &dense)])
+            .contains("none of its 1 tensors has the shape [64, 3, 7, 7]")
+    );
+    assert!(
+        message(&[("a", &filters), ("b", &like_it)])
+            .contains("2 of its tensors (a, …) have the shape")
+    );
     let mut broken = filters.clone();
     broken.data[5] = f32::NAN;
     assert!(message(&[("a", &broken)]).contains("`a` holds NaN"));

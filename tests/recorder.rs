@@ -1,7 +1,7 @@
 //! What `tools/panda_push/record.py` writes is read by the real binary.
 //!
-//! The environment variable `TRACKLENS_RECORDED` names the folder of a recording; `cargo xtask test` makes one of two
-//! sequences. Without it these tests say that they are skipped.
+//! The environment variable `TRACKLENS_RECORDED` names the folder of a recording; `cargo xtask
+//! test` makes one of two sequences. Without it these tests say that they are skipped.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,8 @@ fn json(file: &Path) -> Value {
 #[test]
 fn every_recorded_frame_is_scored_for_every_object() {
     let Some(recorded) = recorded() else { return };
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../web/example/checkpoint.safetensors");
+    let example =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../web/example/checkpoint.safetensors");
     let output = Command::new(env!("CARGO_BIN_EXE_tracklens"))
         .args(["eval", "--json", "--checkpoint"])
         .arg(example)
@@ -42,7 +43,8 @@ fn every_recorded_frame_is_scored_for_every_object() {
         .expect("the binary runs");
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{told}");
-    let result: Value = serde_json::from_slice(&output.stdout).expect("JSON on the standard output");
+    let result: Value =
+        serde_json::from_slice(&output.stdout).expect("JSON on the standard output");
     assert_eq!(result["frames"], SEQUENCES * FRAMES);
     assert_eq!(result["excluded"], 0);
     let objects = result["objects"].as_array().expect("objects");
@@ -66,13 +68,17 @@ fn a_recording_has_whole_sequences_and_says_what_was_dropped() {
     assert_eq!(meta["sequences"], SEQUENCES);
     assert_eq!(meta["frames"], FRAMES);
     let count = |name: &str| meta["statistics"][name].as_u64().expect("a count");
-    assert_eq!(count("rendered"), (SEQUENCES * FRAMES) as u64 + count("dropped"));
+    assert_eq!(
+        count("rendered"),
+        (SEQUENCES * FRAMES) as u64 + count("dropped")
+    );
     // The first episode of the recorded seed is solved at once.
     assert_eq!((count("successes"), count("dropped")), (1, 1));
 }
 
-/// The camera and the scene: the first frame against one of the recording that the example and the fixtures come
-/// from. Robot, cube and target are elsewhere; the rest, more than nine pixels of ten, is the same but for rounding.
+/// The camera and the scene: the first frame against one of the recording that the example and the
+/// fixtures come from. Robot, cube and target are elsewhere; the rest, more than nine pixels of
+/// ten, is the same but for rounding.
 #[test]
 fn table_and_floor_are_where_they_are_in_the_example() {
     let Some(recorded) = recorded() else { return };
@@ -82,7 +88,10 @@ fn table_and_floor_are_where_they_are_in_the_example() {
         let bytes = fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         Frame::decode(&bytes).expect("an image")
     });
-    assert_eq!((ours.width(), ours.height()), (theirs.width(), theirs.height()));
+    assert_eq!(
+        (ours.width(), ours.height()),
+        (theirs.width(), theirs.height())
+    );
     let (ours, theirs) = (ours.rgb(), theirs.rgb());
     let pixels = ours.chunks_exact(3).zip(theirs.chunks_exact(3));
     let same = |(a, b): &(&[u8], &[u8])| a.iter().zip(*b).all(|(a, b)| a.abs_diff(*b) <= 8);

@@ -53,7 +53,10 @@ fn the_numbers_are_the_statistics_of_the_runs() {
                 .expect("a name")
                 .starts_with(name.split('-').next().expect("a family"))
         );
-        assert_eq!((&group["complete"], &group["epochs"]), (&json!(5), &json!(4)));
+        assert_eq!(
+            (&group["complete"], &group["epochs"]),
+            (&json!(5), &json!(4))
+        );
         for (k, threshold) in [0.015, 0.1].into_iter().enumerate() {
             let errors: Vec<f64> = (0..5).map(|seed| error(name, seed, k)).collect();
             let sample = Sample::of(&errors).expect("a sample");
@@ -63,8 +66,12 @@ fn the_numbers_are_the_statistics_of_the_runs() {
             // The log holds the errors as JSON, digit by digit.
             assert_eq!(object["mean"], sample.mean);
             assert_eq!(object["quartiles"][2], sample.median());
-            assert_eq!(object["iqm_trimmed"], trimmed_mean(&errors).expect("a mean"));
-            let interval = [0, 1].map(|end| object["iqm_interval"][end].as_f64().expect("a number"));
+            assert_eq!(
+                object["iqm_trimmed"],
+                trimmed_mean(&errors).expect("a mean")
+            );
+            let interval =
+                [0, 1].map(|end| object["iqm_interval"][end].as_f64().expect("a number"));
             assert!(interval[0] <= sample.median() && sample.median() <= interval[1]);
         }
     }
@@ -102,15 +109,19 @@ fn the_numbers_are_the_statistics_of_the_runs() {
         let svg = fs::read_to_string(out.join(format!("{name}.svg"))).expect("a figure");
         assert!(svg.starts_with("<svg") && svg.contains("</text>"), "{name}");
         let png = image(&out.join(format!("{name}.png")));
-        // There is ink in the row of the legend (five letters have some 80 dark pixels): its text does not hang on the fonts
-        // of the machine.
+        // There is ink in the row of the legend (five letters have some 80 dark pixels): its text
+        // does not hang on the fonts of the machine.
         assert!(png > 50, "{name}: {png} dark pixels in the legend");
     }
 
     // Every statistic of the errors is in every table.
     let markdown = fs::read_to_string(out.join("report.md")).expect("a report");
-    let sample =
-        Sample::of(&(0..5).map(|seed| error("basic", seed, 0)).collect::<Vec<_>>()).expect("a sample");
+    let sample = Sample::of(
+        &(0..5)
+            .map(|seed| error("basic", seed, 0))
+            .collect::<Vec<_>>(),
+    )
+    .expect("a sample");
     let [_, q1, median, q3, _] = sample.quartiles;
     let row = format!(
         "| basic | cube | {:.4} | {:.2e} | {median:.4} | {q1:.4}–{q3:.4} |",
@@ -122,7 +133,13 @@ fn the_numbers_are_the_statistics_of_the_runs() {
     }
 
     // Given thresholds count.
-    let strict = report(&[&text(&runs), "--out", &text(&out), "--threshold", "cube=1e-9"]);
+    let strict = report(&[
+        &text(&runs),
+        "--out",
+        &text(&out),
+        "--threshold",
+        "cube=1e-9",
+    ]);
     assert!(strict.status.success(), "{}", stderr(&strict));
     assert_eq!(read(&out)["groups"][1]["objects"][0]["tc"], 0.0);
 }
@@ -159,7 +176,8 @@ fn groups_of_one_run_have_errors_and_no_statistics() {
         );
     }
     // The keynet's cube is up to its threshold, the basic one's is not.
-    let [basic, keynet] = ["basic", "keynet-vel-std-bg"].map(|name| format!("{:.4}", error(name, 0, 0)));
+    let [basic, keynet] =
+        ["basic", "keynet-vel-std-bg"].map(|name| format!("{:.4}", error(name, 0, 0)));
     assert!(markdown.contains(&format!("| {basic} |")), "{markdown}");
     assert!(markdown.contains(&format!("| {keynet} ✓ |")), "{markdown}");
     assert!(
@@ -220,7 +238,11 @@ fn what_cannot_be_reported_is_refused() {
     fs::create_dir(&empty).expect("a folder");
     let none = report(&[&text(&empty), "--out", &text(&out)]);
     assert_eq!(none.status.code(), Some(5));
-    assert!(stderr(&none).contains("there is no run"), "{}", stderr(&none));
+    assert!(
+        stderr(&none).contains("there is no run"),
+        "{}",
+        stderr(&none)
+    );
 
     write_run(&runs.join("a"), "basic", 0, 4);
     fs::remove_file(runs.join("a/summary.json")).expect("removed");
@@ -270,11 +292,16 @@ fn failed_and_unreadable_runs_are_counted_and_shown() {
     let folder = tempfile::tempdir().expect("a folder");
     let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
     sweep(&runs);
-    // One failed in the middle, one before it had a configuration, one has a configuration that nobody can read.
+    // One failed in the middle, one before it had a configuration, one has a configuration that
+    // nobody can read.
     let failed = runs.join("basic/seed-05.partial");
     write_run(&failed, "basic", 5, 4);
     fs::remove_file(failed.join("summary.json")).expect("removed");
-    fs::write(failed.join("error.txt"), "the loss is not a number in epoch 5\n").expect("written");
+    fs::write(
+        failed.join("error.txt"),
+        "the loss is not a number in epoch 5\n",
+    )
+    .expect("written");
     let early = runs.join("dsae/seed-00.partial");
     fs::create_dir_all(&early).expect("a folder");
     fs::write(early.join("error.txt"), "data: there is no frame\n").expect("written");
@@ -330,7 +357,11 @@ fn runs_of_other_data_are_refused_with_the_reason() {
     with_sequences("a", "basic", 0, ["a", "b", "c"]);
     // Another seed divides the same sequences in another way.
     with_sequences("b", "basic", 1, ["d", "b", "a"]);
-    assert!(report(&[&text(&runs), "--out", &text(&out)]).status.success());
+    assert!(
+        report(&[&text(&runs), "--out", &text(&out)])
+            .status
+            .success()
+    );
     for (architecture, seed, sequences, reason) in [
         (
             "dsae",
@@ -373,7 +404,11 @@ fn groups_follow_settings_names_or_one_setting() {
     for (by, expected) in [
         (
             "settings",
-            vec!["basic (epochs 4)", "basic (epochs 6)", "keynet-kp16-vel-std-bg"],
+            vec![
+                "basic (epochs 4)",
+                "basic (epochs 6)",
+                "keynet-kp16-vel-std-bg",
+            ],
         ),
         ("architecture", vec!["basic", "keynet-kp16-vel-std-bg"]),
         ("name", vec!["best", "long", "short"]),
@@ -391,7 +426,13 @@ fn groups_follow_settings_names_or_one_setting() {
         assert_eq!(names, expected, "{by}");
     }
     // What a wider group hides is said.
-    let done = report(&[&text(&runs), "--out", &text(&out), "--group-by", "architecture"]);
+    let done = report(&[
+        &text(&runs),
+        "--out",
+        &text(&out),
+        "--group-by",
+        "architecture",
+    ]);
     let note = "basic has runs of different numbers of epochs: 4, 6";
     assert!(stderr(&done).contains(note), "{}", stderr(&done));
 }
@@ -410,14 +451,18 @@ fn curves_are_smoothed_as_the_paper_smooths_them() {
     fs::write(runs.join("log.jsonl"), lines.collect::<String>()).expect("written");
     let done = report(&[&text(&runs), "--out", &text(&out)]);
     assert!(done.status.success(), "{}", stderr(&done));
-    // A Gaussian of 2.5 epochs leaves 0.16 of the peak: the axis ends at 1. Along the logarithm it would be 0.037, and 0.1.
+    // A Gaussian of 2.5 epochs leaves 0.16 of the peak: the axis ends at 1. Along the logarithm it
+    // would be 0.037, and 0.1.
     let svg = fs::read_to_string(out.join("errors-basic.svg")).expect("a figure");
     let cube = svg
         .split(">\ncube\n<")
         .nth(1)
         .and_then(|rest| rest.split(">\neef\n<").next());
     let cube = cube.expect("the panel of the cube");
-    assert!(cube.contains(">\n1\n<") && cube.contains(">\n0.1\n<"), "{cube}");
+    assert!(
+        cube.contains(">\n1\n<") && cube.contains(">\n0.1\n<"),
+        "{cube}"
+    );
 }
 
 #[test]
@@ -425,9 +470,14 @@ fn a_full_disk_is_said_and_leaves_the_last_report() {
     let folder = tempfile::tempdir().expect("a folder");
     let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
     sweep(&runs);
-    assert!(report(&[&text(&runs), "--out", &text(&out)]).status.success());
+    assert!(
+        report(&[&text(&runs), "--out", &text(&out)])
+            .status
+            .success()
+    );
     let before = fs::read(out.join("report.html")).expect("a page");
-    // A limit on the size of files stands for it: writing fails in the middle of a file in the same way.
+    // A limit on the size of files stands for it: writing fails in the middle of a file in the same
+    // way.
     let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
     let full = Command::new("sh")
         .args(["-c", script, env!("CARGO_BIN_EXE_tracklens"), "report"])
@@ -435,7 +485,11 @@ fn a_full_disk_is_said_and_leaves_the_last_report() {
         .output()
         .expect("a shell");
     assert_eq!(full.status.code(), Some(1), "{}", stderr(&full));
-    assert!(stderr(&full).contains("File too large"), "{}", stderr(&full));
+    assert!(
+        stderr(&full).contains("File too large"),
+        "{}",
+        stderr(&full)
+    );
     assert_eq!(fs::read(out.join("report.html")).expect("a page"), before);
     let names = fs::read_dir(&out)
         .expect("a folder")
@@ -450,7 +504,8 @@ fn a_full_disk_is_said_and_leaves_the_last_report() {
 /// The frames of the tests, and a run whose checkpoint is that of the page's example.
 fn run_with_checkpoint(folder: &Path) -> (String, String) {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push");
-    let checkpoint = Path::new(env!("CARGO_MANIFEST_DIR")).join("../web/example/checkpoint.safetensors");
+    let checkpoint =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../web/example/checkpoint.safetensors");
     let evaluated = Command::new(env!("CARGO_BIN_EXE_tracklens"))
         .args([
             "eval",
@@ -478,7 +533,8 @@ fn run_with_checkpoint(folder: &Path) -> (String, String) {
         .replace("\"cube\":", "\"target\":0.01,\"cube\":");
     fs::write(run.join("log.jsonl"), log).expect("written");
     let mut summary: Value =
-        serde_json::from_slice(&fs::read(run.join("summary.json")).expect("a summary")).expect("JSON");
+        serde_json::from_slice(&fs::read(run.join("summary.json")).expect("a summary"))
+            .expect("JSON");
     summary["evaluation"] = evaluation;
     fs::write(run.join("summary.json"), summary.to_string()).expect("written");
     fs::copy(checkpoint, run.join("checkpoint_final.safetensors")).expect("copied");
@@ -513,8 +569,9 @@ fn trajectories_are_drawn_on_their_frames() {
     assert!(page.contains("id=\"trajectories-basic\"") && page.contains("data:image/png;base64,"));
 
     // The frames are in the PNG: many colours, where the lines alone have four.
-    let png =
-        tracklens::data::Frame::decode(&fs::read(out.join("trajectories-basic.png")).expect("a figure"));
+    let png = tracklens::data::Frame::decode(
+        &fs::read(out.join("trajectories-basic.png")).expect("a figure"),
+    );
     let png = png.expect("a PNG");
     let colours: std::collections::HashSet<&[u8]> = match png.pixels() {
         tracklens::data::Pixels::Bytes(bytes) => bytes.chunks(3).collect(),
@@ -565,7 +622,8 @@ fn what_trajectories_lack_is_said() {
     assert!(without.status.success(), "{}", stderr(&without));
     let told = stderr(&without);
     assert!(
-        told.contains("warning: no trajectories of basic: ") && told.contains("checkpoint_final.safetensors"),
+        told.contains("warning: no trajectories of basic: ")
+            && told.contains("checkpoint_final.safetensors"),
         "{told}"
     );
     assert!(out.join("report.html").exists());
@@ -600,7 +658,14 @@ first = "basic"
 than = ["keynet-kp16-vel-std-bg"]
 "#;
     fs::write(&file, published).expect("written");
-    let arguments = [&text(&runs), "--out", &text(&out), "--reference", &text(&file)].map(str::to_owned);
+    let arguments = [
+        &text(&runs),
+        "--out",
+        &text(&out),
+        "--reference",
+        &text(&file),
+    ]
+    .map(str::to_owned);
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let done = report(&arguments);
     assert!(done.status.success(), "{}", stderr(&done));
@@ -625,7 +690,9 @@ than = ["keynet-kp16-vel-std-bg"]
     assert_eq!(held, [true, true]);
     let markdown = fs::read_to_string(out.join("report.md")).expect("a report");
     assert!(
-        markdown.contains("| The modifications help | section 5.1 | mean error | holds; no runs of dsae |"),
+        markdown.contains(
+            "| The modifications help | section 5.1 | mean error | holds; no runs of dsae |"
+        ),
         "{markdown}"
     );
     assert!(

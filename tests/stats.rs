@@ -23,7 +23,8 @@ fn numbers(value: &Value) -> Vec<f64> {
     values.map(|v| v.as_f64().expect("a number")).collect()
 }
 
-/// The largest differences from the reference, relative to it where it is above 1, by the name of the statistic.
+/// The largest differences from the reference, relative to it where it is above 1, by the name of
+/// the statistic.
 #[derive(Default)]
 struct Parity(RefCell<BTreeMap<&'static str, f64>>);
 
@@ -93,7 +94,10 @@ fn improvement_equals_rliable() {
     );
     let back = probability_of_improvement(&b, &a).expect("a probability");
     assert!((there + back - 1.0).abs() < 1e-15);
-    assert_eq!(probability_of_improvement(&a, &a).expect("a probability"), 0.5);
+    assert_eq!(
+        probability_of_improvement(&a, &a).expect("a probability"),
+        0.5
+    );
 }
 
 #[test]
@@ -108,14 +112,17 @@ fn stratified_intervals_are_those_of_rliable() {
     let expected = numbers(&case["interval"]);
     let statistic = |strata: &[Vec<f64>]| trimmed_mean(&strata.concat());
     let found = stratified_interval(&strata, 50_000, 0.95, 3, statistic).expect("an interval");
-    // An end of the interval is a quantile of 50 000 replicates. Its standard error is sqrt(p (1 - p) / n) over the density
-    // there, for a normal distribution of the width w: w / 3.92 * sqrt(0.025 * 0.975 / 50 000) / 0.0584 = 0.0031 w, and
-    // both intervals have it: 4 standard errors of the difference are 0.018 w.
+    // An end of the interval is a quantile of 50 000 replicates. Its standard error is sqrt(p (1 -
+    // p) / n) over the density there, for a normal distribution of the width w: w / 3.92 *
+    // sqrt(0.025 * 0.975 / 50 000) / 0.0584 = 0.0031 w, and both intervals have it: 4 standard
+    // errors of the difference are 0.018 w.
     let width = expected[1] - expected[0];
     for (found, expected) in found.iter().zip(&expected) {
         let off = (found - expected).abs() / width;
         assert!(off < 0.018, "{found} {expected}");
-        println!("end of the stratified interval (rliable): {off:.1e} of its width, tolerance 1.8e-2");
+        println!(
+            "end of the stratified interval (rliable): {off:.1e} of its width, tolerance 1.8e-2"
+        );
     }
     let again = stratified_interval(&strata, 50_000, 0.95, 3, statistic).expect("an interval");
     assert_eq!(found, again);
@@ -130,7 +137,10 @@ fn smoothing_equals_scipy() {
             case["sigma"].as_f64().expect("a sigma"),
         )
         .expect("a curve");
-        for (found, expected) in found.iter().zip(case["smoothed"].as_array().expect("a curve")) {
+        for (found, expected) in found
+            .iter()
+            .zip(case["smoothed"].as_array().expect("a curve"))
+        {
             parity.close("Gaussian smoothing (SciPy)", *found, expected);
         }
     }
@@ -155,6 +165,10 @@ fn what_has_no_answer_is_an_error() {
     assert!(stratified_interval(&[], 10, 0.95, 0, |_| Ok(0.0)).is_err());
     assert!(stratified_interval(&[vec![1.0]], 0, 0.95, 0, |_| Ok(0.0)).is_err());
     assert!(smooth(&[1.0], 0.0).is_err());
-    // An infinite error, of a keypoint that left the image for good, has a place in the order all the same.
-    assert_eq!(quantile(&[1.0, 2.0, f64::INFINITY], 0.5).expect("a median"), 2.0);
+    // An infinite error, of a keypoint that left the image for good, has a place in the order all
+    // the same.
+    assert_eq!(
+        quantile(&[1.0, 2.0, f64::INFINITY], 0.5).expect("a median"),
+        2.0
+    );
 }

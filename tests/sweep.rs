@@ -1,4 +1,5 @@
-//! Sweeps by the real binary: plans, runs here, and on a Slurm and a GNU parallel that the tests start.
+//! Sweeps by the real binary: plans, runs here, and on a Slurm and a GNU parallel that the tests
+//! start.
 
 #![cfg(unix)]
 
@@ -77,7 +78,10 @@ impl Sweep {
     fn wait(&self, what: &str, mut done: impl FnMut(&Self) -> bool) {
         let start = Instant::now();
         while !done(self) {
-            assert!(start.elapsed() < PATIENCE, "{what}: waited for {PATIENCE:?}");
+            assert!(
+                start.elapsed() < PATIENCE,
+                "{what}: waited for {PATIENCE:?}"
+            );
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -131,13 +135,21 @@ const NAMES: [&str; 4] = [
 #[test]
 fn a_plan_has_a_line_a_run() {
     let sweep = Sweep::new(3);
-    assert!(sweep.sweep(&["plan", "sweep.toml"]).trim().ends_with("/runs"));
+    assert!(
+        sweep
+            .sweep(&["plan", "sweep.toml"])
+            .trim()
+            .ends_with("/runs")
+    );
     let plan = fs::read_to_string(sweep.runs().join("plan.jsonl")).expect("a plan");
     let lines: Vec<Value> = plan
         .lines()
         .map(|l| serde_json::from_str(l).expect("JSON"))
         .collect();
-    let names: Vec<&str> = lines.iter().map(|l| l["run"].as_str().expect("a name")).collect();
+    let names: Vec<&str> = lines
+        .iter()
+        .map(|l| l["run"].as_str().expect("a name"))
+        .collect();
     assert_eq!(names, NAMES);
     assert_eq!(sweep.states(), ["missing"; 4]);
 
@@ -149,7 +161,8 @@ fn a_plan_has_a_line_a_run() {
     assert!(stderr(&other).contains("--replace"), "{}", stderr(&other));
     sweep.sweep(&["plan", "sweep.toml", "--replace"]);
 
-    let variants = "\n[[variants]]\nname = \"small\"\n\n[[variants]]\nname = \"large\"\ninput-size = 48\n";
+    let variants =
+        "\n[[variants]]\nname = \"small\"\n\n[[variants]]\nname = \"large\"\ninput-size = 48\n";
     sweep.write(&(file(4) + variants));
     sweep.sweep(&["plan", "sweep.toml", "--out", "other"]);
     let plan = fs::read_to_string(sweep.folder.path().join("other/plan.jsonl")).expect("a plan");
@@ -191,7 +204,10 @@ fn bad_sweep_files_name_the_line_and_the_nearest_name() {
         (
             "\"keynet\"]",
             "\"keynets\"]",
-            &["line 3: unknown architecture `keynets`", "did you mean `keynet`?"],
+            &[
+                "line 3: unknown architecture `keynets`",
+                "did you mean `keynet`?",
+            ],
         ),
         (
             "[architecture.keynet]",
@@ -373,7 +389,8 @@ fn ctrl_c_ends_all_jobs_and_the_same_command_goes_on() {
     assert_eq!(sweep.states(), ["stopped", "stopped", "missing", "missing"]);
 }
 
-/// Whether the tests may use Slurm and GNU parallel, which `cargo xtask test` installs before it says so.
+/// Whether the tests may use Slurm and GNU parallel, which `cargo xtask test` installs before it
+/// says so.
 fn cluster() -> bool {
     let there = std::env::var_os("TRACKLENS_CLUSTER").is_some();
     if !there {
@@ -400,7 +417,11 @@ fn gnu_parallel_runs_what_is_exported() {
     assert!(done.status.success(), "{}", stderr(&done));
     assert_eq!(sweep.states(), ["done"; 4]);
     let left = sweep.try_sweep(&["export", "runs", "--parallel"]);
-    assert!(stderr(&left).contains("no run is left"), "{}", stderr(&left));
+    assert!(
+        stderr(&left).contains("no run is left"),
+        "{}",
+        stderr(&left)
+    );
 }
 
 #[test]
@@ -533,7 +554,8 @@ PartitionName=main Nodes=ALL Default=YES MaxTime=INFINITE State=UP
     fn wait(&self, what: &str, done: impl Fn() -> bool) {
         let start = Instant::now();
         while !done() {
-            let log = |name: &str| fs::read_to_string(self.folder.path().join(name)).unwrap_or_default();
+            let log =
+                |name: &str| fs::read_to_string(self.folder.path().join(name)).unwrap_or_default();
             assert!(
                 start.elapsed() < PATIENCE,
                 "{what}: waited for {PATIENCE:?}\n{}\n{}\n{}",
@@ -602,7 +624,13 @@ fn slurm_runs_a_sweep_and_resubmission_finishes_what_was_killed() {
     // What Slurm says of a job that it does not take is passed on.
     sweep.write(&file(200));
     sweep.sweep(&["plan", "sweep.toml", "--replace"]);
-    let refused = sweep.try_sweep(&["submit", "runs", "--slurm", "--partition", "no-such-partition"]);
+    let refused = sweep.try_sweep(&[
+        "submit",
+        "runs",
+        "--slurm",
+        "--partition",
+        "no-such-partition",
+    ]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(
         stderr(&refused).contains("Slurm did not take the job array")

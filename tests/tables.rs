@@ -11,7 +11,8 @@ const SIZE: [u32; 2] = [200, 100];
 /// The positions of two objects in one frame; none: hidden.
 type Objects = [Option<[f64; 2]>; 2];
 
-/// Two objects in two frames of two sequences, in pixels of 200 x 100 images; the second object is hidden once.
+/// Two objects in two frames of two sequences, in pixels of 200 x 100 images; the second object is
+/// hidden once.
 const POINTS: [(&str, u64, Objects); 4] = [
     ("left", 0, [Some([0.0, 0.0]), Some([199.0, 99.0])]),
     ("left", 7, [Some([12.5, 40.0]), None]),
@@ -51,7 +52,10 @@ fn assert_same(found: &GroundTruth, names: [&str; 2]) {
     assert_eq!(keys, wanted);
     assert_eq!(found.names(), names);
     for (a, b) in found.points_ndc().iter().zip(&expected()) {
-        assert!(a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(), "{a} {b}");
+        assert!(
+            a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(),
+            "{a} {b}"
+        );
     }
 }
 
@@ -82,12 +86,14 @@ fn labels(three_fields: bool) -> String {
     } else {
         ("", "", "/")
     };
-    let mut text =
-        format!("scorer{index},me,me,me,me\nbodyparts{pad},cube,cube,eef,eef\ncoords{pad},x,y,x,y\n");
+    let mut text = format!(
+        "scorer{index},me,me,me,me\nbodyparts{pad},cube,cube,eef,eef\ncoords{pad},x,y,x,y\n"
+    );
     for (sequence, frame, [cube, eef]) in POINTS {
         let [cx, cy, ex, ey] = [cell(cube, 0), cell(cube, 1), cell(eef, 0), cell(eef, 1)];
-        text +=
-            &format!("labeled-data{separator}{sequence}{separator}img{frame:04}.png,{cx},{cy},{ex},{ey}\n");
+        text += &format!(
+            "labeled-data{separator}{sequence}{separator}img{frame:04}.png,{cx},{cy},{ex},{ey}\n"
+        );
     }
     text
 }
@@ -108,9 +114,9 @@ fn coco() -> String {
             "id": i, "image_id": 10 + i, "category_id": 1, "keypoints": keypoints, "num_keypoints": 2,
         }));
     }
-    let categories =
-        serde_json::json!([{ "id": 1, "name": "scene", "keypoints": ["cube", "eef"], "skeleton": [] }]);
-    serde_json::json!({ "images": images, "annotations": annotations, "categories": categories }).to_string()
+    let categories = serde_json::json!([{ "id": 1, "name": "scene", "keypoints": ["cube", "eef"], "skeleton": [] }]);
+    serde_json::json!({ "images": images, "annotations": annotations, "categories": categories })
+        .to_string()
 }
 
 #[test]
@@ -118,10 +124,13 @@ fn every_layout_holds_the_same_points() {
     let tidy: String = POINTS
         .iter()
         .flat_map(|(sequence, frame, objects)| {
-            ["cube", "eef"]
-                .iter()
-                .zip(objects)
-                .map(move |(name, p)| format!("{sequence},{frame},{name},{},{}\n", cell(*p, 0), cell(*p, 1)))
+            ["cube", "eef"].iter().zip(objects).map(move |(name, p)| {
+                format!(
+                    "{sequence},{frame},{name},{},{}\n",
+                    cell(*p, 0),
+                    cell(*p, 1)
+                )
+            })
         })
         .collect();
     let tidy = format!("sequence,frame,object,x,y\n{tidy}");
@@ -136,8 +145,8 @@ fn every_layout_holds_the_same_points() {
         (labels(true), in_pixels()),
         (coco(), TableOptions::default()),
     ] {
-        let table =
-            parse_ground_truth(text.as_bytes(), "t", &options).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let table = parse_ground_truth(text.as_bytes(), "t", &options)
+            .unwrap_or_else(|e| panic!("{e}\n{text}"));
         assert_same(&table.content, ["cube", "eef"]);
         let track = parse_keypoints(text.as_bytes(), "t", &options);
         match text.starts_with("sequence,frame,object") {
@@ -161,7 +170,12 @@ fn axes_and_counting_can_be_given() {
         ..TableOptions::default()
     };
     let table = parse_ground_truth(text.as_bytes(), "folder/seq_3.csv", &options).expect("a table");
-    let keys: Vec<String> = table.content.keys().iter().map(ToString::to_string).collect();
+    let keys: Vec<String> = table
+        .content
+        .keys()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
     assert_eq!(keys, ["sequence seq_3, frame 0", "sequence seq_3, frame 1"]);
     assert_eq!(table.content.points_ndc()[[0, 0, 0]], 0.5);
     assert!(
@@ -178,7 +192,8 @@ fn axes_and_counting_can_be_given() {
             .keypoints(),
         2
     );
-    let zero = parse_keypoints(b"frame,a_x,a_y\n0,0,0\n", "t", &options).expect_err("before the first");
+    let zero =
+        parse_keypoints(b"frame,a_x,a_y\n0,0,0\n", "t", &options).expect_err("before the first");
     assert!(
         zero.to_string()
             .contains("line 2: the frame 0; expected frames from 1"),
@@ -192,7 +207,10 @@ fn an_analysis_of_deeplabcut_is_read() {
     let one = "scorer,DLC,DLC,DLC,DLC,DLC,DLC\nbodyparts,cube,cube,cube,eef,eef,eef\ncoords,x,y,likelihood,x,y,likelihood\n\
                0,0,0,0.9,199,99,0.1\n1.0,1,1,0.9,2,2,0.2\n";
     let track = parse_keypoints(one.as_bytes(), name, &in_pixels()).expect("a table");
-    assert_eq!(track.content.keys()[1].to_string(), "sequence push3, frame 1");
+    assert_eq!(
+        track.content.keys()[1].to_string(),
+        "sequence push3, frame 1"
+    );
     assert_eq!(track.content.points()[[0, 1, 0]], ndc([199.0, 99.0])[0]);
     assert!(
         track
@@ -216,8 +234,9 @@ fn an_analysis_of_deeplabcut_is_read() {
 #[test]
 fn several_instances_need_to_be_told_apart() {
     let file = |tracks: [&str; 2]| {
-        let annotation =
-            |track: &str| format!("{{\"image_id\":1,\"category_id\":1,{track}\"keypoints\":[1,1,2]}}");
+        let annotation = |track: &str| {
+            format!("{{\"image_id\":1,\"category_id\":1,{track}\"keypoints\":[1,1,2]}}")
+        };
         format!(
             "{{\"images\":[{{\"id\":1,\"file_name\":\"3.png\",\"width\":9,\"height\":9}}],\
              \"annotations\":[{},{}],\"categories\":[{{\"id\":1,\"name\":\"p\",\"keypoints\":[\"nose\"]}}]}}",
@@ -225,14 +244,20 @@ fn several_instances_need_to_be_told_apart() {
             annotation(tracks[1])
         )
     };
-    let error = parse_ground_truth(file(["", ""]).as_bytes(), "c.json", &TableOptions::default());
+    let error = parse_ground_truth(
+        file(["", ""]).as_bytes(),
+        "c.json",
+        &TableOptions::default(),
+    );
     let error = error.expect_err("two of one").to_string();
     assert!(
-        error.contains("c.json: annotation 1: its image has annotation 0") && error.contains("track_id"),
+        error.contains("c.json: annotation 1: its image has annotation 0")
+            && error.contains("track_id"),
         "{error}"
     );
     let told = file(["\"track_id\":4,", "\"track_id\":\"b\","]);
-    let table = parse_ground_truth(told.as_bytes(), "c.json", &TableOptions::default()).expect("a table");
+    let table =
+        parse_ground_truth(told.as_bytes(), "c.json", &TableOptions::default()).expect("a table");
     assert_eq!(table.content.names(), ["4/nose", "b/nose"]);
 }
 
@@ -251,7 +276,10 @@ fn what_is_wrong_is_told_with_its_place() {
                 "--image-size",
             ][..],
         ),
-        ("a_x,a_y\n0,0\n".to_owned(), &["line 1: column `frame` missing"]),
+        (
+            "a_x,a_y\n0,0\n".to_owned(),
+            &["line 1: column `frame` missing"],
+        ),
         (
             "frame,a_x,a_y\n0,0,zero\n".to_owned(),
             &["line 2, column `a_y`: `zero` is not a number"],
@@ -269,7 +297,10 @@ fn what_is_wrong_is_told_with_its_place() {
             "frame,a_x,a_y\n0,0,0\n0,1,1\n".to_owned(),
             &["line 3", "stands already in line 2"],
         ),
-        ("scorer,a,a\nbodyparts,b,b\n".to_owned(), &["no row `coords`"]),
+        (
+            "scorer,a,a\nbodyparts,b,b\n".to_owned(),
+            &["no row `coords`"],
+        ),
         (
             "scorer,a,a\nbodyparts,b,b\nbones,x,y\n".to_owned(),
             &["line 3: the row begins with `bones`"],
@@ -346,10 +377,20 @@ fn what_the_numbers_are_taken_for_is_told_with_its_ground() {
         index_base: Some(1),
         image_size: Some([20, 10]),
     });
-    assert_eq!((said.space.value, said.space.by), (Space::Pixels, Ground::Said));
-    assert_eq!((said.axes.value, said.axes.by), (AxisOrder::Yx, Ground::Said));
-    assert_eq!((said.index_base.value, said.index_base.by), (1, Ground::Said));
-    let coco = parse_ground_truth(coco().as_bytes(), "c.json", &TableOptions::default()).expect("a table");
+    assert_eq!(
+        (said.space.value, said.space.by),
+        (Space::Pixels, Ground::Said)
+    );
+    assert_eq!(
+        (said.axes.value, said.axes.by),
+        (AxisOrder::Yx, Ground::Said)
+    );
+    assert_eq!(
+        (said.index_base.value, said.index_base.by),
+        (1, Ground::Said)
+    );
+    let coco =
+        parse_ground_truth(coco().as_bytes(), "c.json", &TableOptions::default()).expect("a table");
     assert_eq!(
         (coco.reading.space.value, coco.reading.space.by),
         (Space::Pixels, Ground::File)

@@ -1,4 +1,5 @@
-//! Short trainings on real frames: the loss falls, the run folder is whole, and nothing depends on luck.
+//! Short trainings on real frames: the loss falls, the run folder is whole, and nothing depends on
+//! luck.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,8 +12,8 @@ use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::train::{
-    BackgroundStart, CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig, RunOptions, SUMMARY,
-    Split, TrainConfig, TrainSummary, ValidationFrames, read_log, train,
+    BackgroundStart, CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig,
+    RunOptions, SUMMARY, Split, TrainConfig, TrainSummary, ValidationFrames, read_log, train,
 };
 
 fn recording() -> PathBuf {
@@ -54,7 +55,10 @@ fn dataset(config: &TrainConfig, cache: u64) -> Dataset {
     let order = index.order().to_vec();
     let read = move |i: usize| {
         let name = &paths[order[i]];
-        Ok((name.clone(), fs::read(recording().join(name)).expect("a frame")))
+        Ok((
+            name.clone(),
+            fs::read(recording().join(name)).expect("a frame"),
+        ))
     };
     let source = Arc::new(EncodedFrames::new(index, read));
     Dataset::load(source, &truth, config, cache, &Cancel::default()).expect("a data set")
@@ -77,11 +81,24 @@ fn attempt(
 }
 
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
-    attempt(config, out, Existing::Refuse, &mut |_| {}, &Cancel::default()).expect("a training")
+    attempt(
+        config,
+        out,
+        Existing::Refuse,
+        &mut |_| {},
+        &Cancel::default(),
+    )
+    .expect("a training")
 }
 
 fn resume(config: &TrainConfig, out: &Path) -> Result<TrainSummary, Error> {
-    attempt(config, out, Existing::Resume, &mut |_| {}, &Cancel::default())
+    attempt(
+        config,
+        out,
+        Existing::Resume,
+        &mut |_| {},
+        &Cancel::default(),
+    )
 }
 
 fn weights(folder: &Path) -> Checkpoint {
@@ -126,13 +143,21 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
     assert!(affine <= scale_translate + 1e-9 && scale_translate <= identity + 1e-9);
 
     let written: serde_json::Value =
-        serde_json::from_slice(&fs::read(out.join("config.json")).expect("a config")).expect("JSON");
+        serde_json::from_slice(&fs::read(out.join("config.json")).expect("a config"))
+            .expect("JSON");
     assert_eq!(written["sae"]["architecture"], "basic-vel-std-bg");
-    assert_eq!(written["training_sequences"].as_array().map(Vec::len), Some(2));
-    assert_eq!(written["validation_sequences"].as_array().map(Vec::len), Some(1));
+    assert_eq!(
+        written["training_sequences"].as_array().map(Vec::len),
+        Some(2)
+    );
+    assert_eq!(
+        written["validation_sequences"].as_array().map(Vec::len),
+        Some(1)
+    );
     assert!(out.join("summary.json").exists() && out.join("checkpoint_best.safetensors").exists());
 
-    // What was trained is what extraction runs: input size, architecture and epoch travel with the weights.
+    // What was trained is what extraction runs: input size, architecture and epoch travel with the
+    // weights.
     let checkpoint = weights(&out);
     assert_eq!(checkpoint.config.input_size, Some([32, 32]));
     assert_eq!(checkpoint.metadata["tracklens.epoch"], "25");
@@ -154,7 +179,13 @@ fn the_same_seed_gives_the_same_weights() {
     let [a, b, c] = ["a", "b", "c"].map(|name| folder.path().join(name));
     run(&config(2), &a);
     run(&config(2), &b);
-    run(&TrainConfig { seed: 8, ..config(2) }, &c);
+    run(
+        &TrainConfig {
+            seed: 8,
+            ..config(2)
+        },
+        &c,
+    );
     assert_eq!(weights(&a).tensors, weights(&b).tensors);
     assert_ne!(weights(&a).tensors, weights(&c).tensors);
 }
@@ -172,9 +203,11 @@ fn a_cancelled_training_keeps_its_last_whole_epoch_and_goes_on_to_the_same_weigh
         Event::Warning(text) => warned = text.contains("after epoch 2 is kept"),
         _ => {}
     };
-    let summary = attempt(&config, &out, Existing::Refuse, &mut report, &cancel).expect("a summary");
+    let summary =
+        attempt(&config, &out, Existing::Refuse, &mut report, &cancel).expect("a summary");
     assert!(summary.interrupted && warned);
-    // Two training sequences of three snippets, two a step: three steps an epoch, so two whole epochs.
+    // Two training sequences of three snippets, two a step: three steps an epoch, so two whole
+    // epochs.
     assert_eq!(summary.epochs, 2);
     assert_eq!(weights(&out).metadata["tracklens.epoch"], "2");
     let lines = || {
@@ -185,7 +218,8 @@ fn a_cancelled_training_keeps_its_last_whole_epoch_and_goes_on_to_the_same_weigh
     };
     assert_eq!(lines(), 2);
     let written: TrainSummary =
-        serde_json::from_slice(&fs::read(out.join("summary.json")).expect("a summary")).expect("JSON");
+        serde_json::from_slice(&fs::read(out.join("summary.json")).expect("a summary"))
+            .expect("JSON");
     assert_eq!(written, summary);
 
     // A line of an epoch that never ended, as a killed process leaves it.
@@ -193,7 +227,10 @@ fn a_cancelled_training_keeps_its_last_whole_epoch_and_goes_on_to_the_same_weigh
     log.extend_from_slice(b"{\"epoch\":3,\"sec");
     fs::write(out.join("log.jsonl"), log).expect("written");
     let resumed = resume(&config, &out).expect("a training");
-    assert_eq!((resumed.epochs, resumed.interrupted, lines()), (5, false, 5));
+    assert_eq!(
+        (resumed.epochs, resumed.interrupted, lines()),
+        (5, false, 5)
+    );
     let uninterrupted = run(&config, &straight);
     assert_eq!(weights(&out).tensors, weights(&straight).tensors);
     let (mut a, mut b) = (
@@ -243,7 +280,8 @@ fn what_the_paper_and_the_code_do_differently_is_a_switch() {
         let summary = run(config, &folder.path().join(name));
         summary.evaluation.expect("an evaluation").frames
     };
-    // One sequence of five frames to validate on: three snippets, of which a batch of two leaves one out.
+    // One sequence of five frames to validate on: three snippets, of which a batch of two leaves
+    // one out.
     assert_eq!(frames("code", &config(1)), 2);
     assert_eq!(
         frames(
@@ -274,7 +312,8 @@ fn the_background_can_start_at_the_mean_of_the_training_targets() {
     };
     run(&config, &out);
     let said: RunConfig =
-        serde_json::from_slice(&fs::read(out.join(CONFIG)).expect("a configuration")).expect("valid JSON");
+        serde_json::from_slice(&fs::read(out.join(CONFIG)).expect("a configuration"))
+            .expect("valid JSON");
     let dataset = dataset(&config, DEFAULT_CACHE);
     let frames: Vec<_> = dataset
         .sequences
@@ -297,7 +336,10 @@ fn the_background_can_start_at_the_mean_of_the_training_targets() {
         let mean = targets.iter().skip(i).step_by(3 * 256).sum::<f32>() / 10.0;
         let start = value + bias[i / 256];
         // Ten f32 numbers of at most 1 added up: within 1e-6.
-        assert!((start - mean).abs() < 1e-6, "{i}: {start} instead of {mean}");
+        assert!(
+            (start - mean).abs() < 1e-6,
+            "{i}: {start} instead of {mean}"
+        );
     }
 }
 
@@ -305,9 +347,15 @@ fn the_background_can_start_at_the_mean_of_the_training_targets() {
 fn what_cannot_be_trained_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let error = |config: &TrainConfig, out: &Path| {
-        attempt(config, out, Existing::Refuse, &mut |_| {}, &Cancel::default())
-            .expect_err("an error")
-            .to_string()
+        attempt(
+            config,
+            out,
+            Existing::Refuse,
+            &mut |_| {},
+            &Cancel::default(),
+        )
+        .expect_err("an error")
+        .to_string()
     };
     let out = folder.path().join("run");
     run(&config(1), &out);
@@ -424,5 +472,10 @@ fn a_run_folder_is_read_back() {
     let log = read(LOG);
     let (epochs, broken) = read_log(&log[..log.len() - 9]);
     assert_eq!(epochs.len(), 1);
-    assert!(broken.expect("a broken line").to_string().starts_with("line 2: "));
+    assert!(
+        broken
+            .expect("a broken line")
+            .to_string()
+            .starts_with("line 2: ")
+    );
 }

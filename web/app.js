@@ -64,7 +64,8 @@ function takeFiles(session) {
   }
 
   const overlay = byId("overlay");
-  // Entering a child fires before leaving its parent, so it takes a count to know that the page was left.
+  // Entering a child fires before leaving its parent, so it takes a count to know that the page was
+  // left.
   let depth = 0;
   const isFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
   const over = (/** @type {number} */ next) => {
@@ -80,8 +81,8 @@ function takeFiles(session) {
 }
 
 /**
- * What the layout depends on, as `data-state` of the main element: `empty`, `waiting` (for files or the user),
- * `reading`, `extracting`, `scored`.
+ * What the layout depends on, as `data-state` of the main element: `empty`, `waiting` (for files or
+ * the user), `reading`, `extracting`, `scored`.
  * @param {Session} session
  */
 function showState(session) {

@@ -17,7 +17,8 @@ import { scrollRegion } from "./scroll-region.js";
 /**
  * A column of a table: its heading, what a row shows in it, and what it is sorted by.
  * @template T
- * @typedef {{ label: string, text: (row: T) => import("./dom.js").Child, value?: (row: T) => string | number | null,
+ * @typedef {{ label: string, text: (row: T) => import("./dom.js").Child, value?: (row: T) => string
+ * | number | null,
  *   isText?: boolean, isGood?: (row: T) => boolean }} Column
  */
 
@@ -254,7 +255,8 @@ function errorTable(report) {
 /**
  * @param {string} id
  * @param {string} caption
- * @param {(import("./dom.js").Child | import("./dom.js").Child[])[][]} rows the first one is the header
+ * @param {(import("./dom.js").Child | import("./dom.js").Child[])[][]} rows the first one is the
+ * header
  */
 function table(id, caption, [header, ...rows]) {
   const cells = (/** @type {(import("./dom.js").Child | import("./dom.js").Child[])[]} */ row) =>

@@ -1,7 +1,8 @@
 // @ts-check
 /**
- * Runs side by side: folders of runs that were dropped, the detectors of the session that are scored on the same
- * frames, and evaluations that were saved. Says `change` when there is something else to compare.
+ * Runs side by side: folders of runs that were dropped, the detectors of the session that are
+ * scored on the same frames, and evaluations that were saved. Says `change` when there is something
+ * else to compare.
  */
 
 import init, { Comparison, Scoring } from "./pkg/index.js";

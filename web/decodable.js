@@ -9,8 +9,8 @@ export class PartError extends Error {}
 let isLoaded = false;
 
 /**
- * The image as the extraction reads it: JPEG and WebP are decoded by a part of the package that is fetched for the first
- * of them.
+ * The image as the extraction reads it: JPEG and WebP are decoded by a part of the package that is
+ * fetched for the first of them.
  * @param {Uint8Array} image
  * @param {string} path
  */

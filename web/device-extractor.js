@@ -2,9 +2,9 @@
 /**
  * Extraction on the CPU or on the GPU, whichever is faster.
  *
- * The CPU begins at once. If there is a GPU and enough left to do, the GPU is made ready beside it, has to find the
- * CPU's keypoints on one frame, and is timed; if it wins, it goes on from the frame the CPU has come to. If it fails, the CPU
- * goes on from the frame the GPU has come to.
+ * The CPU begins at once. If there is a GPU and enough left to do, the GPU is made ready beside it,
+ * has to find the CPU's keypoints on one frame, and is timed; if it wins, it goes on from the frame
+ * the CPU has come to. If it fails, the CPU goes on from the frame the GPU has come to.
  */
 
 import { messageOf } from "./errors.js";
@@ -23,7 +23,8 @@ import { GpuWorker, findAdapter } from "./gpu.js";
  * What computes, and why.
  * @typedef {{ device: "cpu" | "gpu", reason: string }} Verdict
  *
- * What the comparison of the devices gave; with the times, in milliseconds a frame, if they were taken.
+ * What the comparison of the devices gave; with the times, in milliseconds a frame, if they were
+ * taken.
  * @typedef {{ agrees: boolean, difference: number, cpu?: number, gpu?: number }} Probe
  *
  * A frame that the CPU has done.
@@ -191,7 +192,8 @@ class DeviceEncoder {
   }
 
   /**
-   * The CPU extracts; beside it the GPU is made ready and compared, if that is worth it. True when the CPU has done it all.
+   * The CPU extracts; beside it the GPU is made ready and compared, if that is worth it. True when
+   * the CPU has done it all.
    * @param {Progress} run
    */
   async #contest(run) {
@@ -231,8 +233,8 @@ class DeviceEncoder {
   }
 
   /**
-   * Looks whether the GPU finds the keypoints that the CPU found, one frame at a time and many, and how fast. Whatever goes
-   * wrong is found out, not thrown.
+   * Looks whether the GPU finds the keypoints that the CPU found, one frame at a time and many, and
+   * how fast. Whatever goes wrong is found out, not thrown.
    * @param {Progress} run
    * @param {AbortSignal} signal
    * @param {boolean} timed

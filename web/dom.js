@@ -4,7 +4,8 @@
 /**
  * @typedef {Node | string | null | undefined | false} Child
  * @typedef {Record<string, unknown>} Properties
- *   `class`, `data` (an object), `on<event>` (a listener), `aria-…` and other attributes, or properties by name.
+ *   `class`, `data` (an object), `on<event>` (a listener), `aria-…` and other attributes, or
+ *   properties by name.
  */
 
 /**
@@ -78,7 +79,8 @@ export function byId(id) {
  * A message with its remedy.
  * @param {"error" | "warning" | "info"} kind
  * @param {string} text
- * @param {{ action?: { label: string, run: () => void }, dismiss?: () => void, class?: string, isQuiet?: boolean }} [options]
+ * @param {{ action?: { label: string, run: () => void }, dismiss?: () => void, class?: string,
+ * isQuiet?: boolean }} [options]
  *   `isQuiet`: an error that is said elsewhere, too
  */
 export function notice(kind, text, { action, dismiss, class: extra, isQuiet = false } = {}) {
@@ -105,7 +107,8 @@ export function notice(kind, text, { action, dismiss, class: extra, isQuiet = fa
 let announcements = [];
 
 /**
- * Says something to screen readers without moving the focus. All that is announced in one go is said in one.
+ * Says something to screen readers without moving the focus. All that is announced in one go is
+ * said in one.
  * @param {string} text
  */
 export function announce(text) {

@@ -1,7 +1,8 @@
 // @ts-check
 /**
- * The page inside another one: `?embed=ORIGIN` hides the masthead and talks with the page around it by `postMessage`,
- * and with nobody but that origin. What is said is documented in docs/embedding.md.
+ * The page inside another one: `?embed=ORIGIN` hides the masthead and talks with the page around it
+ * by `postMessage`, and with nobody but that origin. What is said is documented in
+ * docs/embedding.md.
  */
 
 import { byId, h } from "./dom.js";

@@ -5,9 +5,10 @@ import { PartError, decodable, memoryOfDecoding } from "./decodable.js";
 import init, { Encoder, extractionMemory } from "./pkg/index.js";
 
 /**
- * @typedef {{ path: string, blob: Blob }} File
- * `refuse`: what was to be extracted could not be unpacked. `lacking`: what the worker itself needs is not there.
- * @typedef {{ type: "open", module: WebAssembly.Module, source: File } | { type: "extract", source: File }
+ * @typedef {{ path: string, blob: Blob }} File `refuse`: what was to be extracted could not be
+ * unpacked. `lacking`: what the worker itself needs is not there.
+ * @typedef {{ type: "open", module: WebAssembly.Module, source: File } | { type: "extract", source:
+ * File }
  *   | { type: "refuse", message: string }} Request
  * @typedef {{ type: "started" }
  *   | { type: "opened", info: import("./pkg/index.js").EncoderInfo, memory: number }

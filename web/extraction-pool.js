@@ -1,7 +1,8 @@
 // @ts-check
 /**
- * Extraction by a pool of workers, each with its own single-threaded instance of the CPU engine. They share no memory, so
- * that the page needs no special headers, but the compiled module, and read the files they are dealt themselves.
+ * Extraction by a pool of workers, each with its own single-threaded instance of the CPU engine.
+ * They share no memory, so that the page needs no special headers, but the compiled module, and
+ * read the files they are dealt themselves.
  */
 
 import { Line } from "./extraction-line.js";

@@ -1,7 +1,8 @@
 // @ts-check
 /**
- * One run of an extraction: frames are dealt to workers in their order and reported in their order. A worker that dies is
- * replaced, and its frames go to others; a frame that brings workers down is reported as failed.
+ * One run of an extraction: frames are dealt to workers in their order and reported in their order.
+ * A worker that dies is replaced, and its frames go to others; a frame that brings workers down is
+ * reported as failed.
  */
 
 /**

@@ -81,7 +81,8 @@ export class Extraction {
   }
 
   /**
-   * The keypoints as a table; `null` when no frame has any. `selected` is made when some have none, and to be freed too.
+   * The keypoints as a table; `null` when no frame has any. `selected` is made when some have none,
+   * and to be freed too.
    * @param {FrameIndex} frames
    * @param {Source[]} sources the images of `frames`, in their order
    * @returns {{ table: KeypointTable, selected: FrameIndex | null, sources: Source[] } | null}

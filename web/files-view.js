@@ -232,7 +232,8 @@ function entryItem(session, entry) {
 }
 
 /**
- * Whether the size of the images is asked for at a file: its positions are in pixels, and no image says it.
+ * Whether the size of the images is asked for at a file: its positions are in pixels, and no image
+ * says it.
  * @param {Session} session
  * @param {Entry} entry
  */
@@ -489,7 +490,8 @@ function showProblems(session) {
   );
   const elements = problemsOf(session).map(({ key, kind, text, action, dismiss }) => {
     const known = before.get(`${key} ${text}`);
-    // What the problem of this name asks for when it is clicked: files may have been replaced since it was first told.
+    // What the problem of this name asks for when it is clicked: files may have been replaced since
+    // it was first told.
     const now = () => problemsOf(session).find((problem) => problem.key === key);
     const element =
       known ??

@@ -2,8 +2,8 @@
 /** From what was dropped or picked to files with paths. */
 
 /**
- * A file with its path from the folder it was dropped in, `/` between the parts; `read` gives one that lies in another
- * file, unpacked.
+ * A file with its path from the folder it was dropped in, `/` between the parts; `read` gives one
+ * that lies in another file, unpacked.
  * @typedef {{ path: string, blob: Blob } | { path: string, read: () => Promise<Blob> }} Source
  */
 
@@ -44,7 +44,8 @@ export function readError(error, path) {
  * @returns {Promise<Source[]>}
  */
 export async function fromDrop(transfer) {
-  // The items are only readable until the event handler returns: take all handles before the first wait.
+  // The items are only readable until the event handler returns: take all handles before the first
+  // wait.
   const handles = Array.from(transfer.items, (item) => {
     if (item.kind !== "file") return null;
     return item.webkitGetAsEntry?.() ?? item.getAsFile();

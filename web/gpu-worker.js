@@ -8,7 +8,8 @@ import init, { Gpu } from "./pkg/gpu.js";
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./pkg/gpu.js").GpuEncoder} GpuEncoder
  * @typedef {import("./pkg/gpu.js").GpuFrame} GpuFrame
- * @typedef {{ id: number } & ({ type: "open", checkpoint: File } | { type: "extract", frames: (File | null)[] })} Request
+ * @typedef {{ id: number } & ({ type: "open", checkpoint: File } | { type: "extract", frames: (File
+ * | null)[] })} Request
  * @typedef {{ id: number } & ({ type: "opened" }
  *   | { type: "extracted", found: (Extracted | null)[], ms: number }
  *   | { type: "failed", message: string })} Reply
@@ -52,8 +53,8 @@ async function open(checkpoint) {
 }
 
 /**
- * The keypoints of frames, `null` for those that have none here: the CPU says why, or finds them. While the GPU computes,
- * the next request is decoded.
+ * The keypoints of frames, `null` for those that have none here: the CPU says why, or finds them.
+ * While the GPU computes, the next request is decoded.
  * @param {(File | null)[]} frames
  */
 async function extract(frames) {

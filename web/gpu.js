@@ -94,7 +94,8 @@ export class GpuWorker {
   }
 
   /**
-   * @param {{ type: "open", checkpoint: File } | { type: "extract", frames: (File | null)[] }} request
+   * @param {{ type: "open", checkpoint: File } | { type: "extract", frames: (File | null)[] }}
+   * request
    * @param {AbortSignal} signal
    * @returns {Promise<Reply>}
    */

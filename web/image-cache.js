@@ -17,7 +17,8 @@ export class ImageCache {
   #bytes = 0;
 
   /**
-   * The image if it is decoded: `null` when it cannot be decoded, `undefined` when that is not known yet.
+   * The image if it is decoded: `null` when it cannot be decoded, `undefined` when that is not
+   * known yet.
    * @param {Source} source
    */
   peek(source) {
@@ -78,7 +79,8 @@ export class ImageCache {
 }
 
 /**
- * Decodes an image as it is stored, whatever orientation its metadata ask for, as the extraction does.
+ * Decodes an image as it is stored, whatever orientation its metadata ask for, as the extraction
+ * does.
  * @param {Source} source
  * @returns {Promise<ImageBitmap>}
  */

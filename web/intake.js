@@ -14,7 +14,8 @@ import { splitRuns } from "./runs.js";
  * @typedef {import("./pkg/index.js").Arrays} Arrays
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./pkg/index.js").TableOptions} TableOptions
- * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot what of each there is used one
+ * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot what of each there is used
+ * one
  *
  * A file that is no image.
  * @typedef {object} Entry
@@ -28,11 +29,14 @@ import { splitRuns } from "./runs.js";
  * @property {TableOptions} options what the user said of its numbers
  * @property {Arrays | null} arrays of a recording, whose points it is
  * @property {"new" | "used" | "spare" | "broken" | "unknown"} state new: not parsed yet
- * @property {boolean} wanted whether it takes the place of another one of its kind once it is parsed
+ * @property {boolean} wanted whether it takes the place of another one of its kind once it is
+ * parsed
  * @property {[number, number] | undefined} imageSize with which it was parsed
- * @property {GroundTruthTable | OpenEncoder | KeypointTable | import("./saved.js").SavedEvaluation | null} content
+ * @property {GroundTruthTable | OpenEncoder | KeypointTable | import("./saved.js").SavedEvaluation
+ * | null} content
  * @property {string} error why it is broken
- * @property {boolean} lacksSize whether it is broken only because the size of the images is not known
+ * @property {boolean} lacksSize whether it is broken only because the size of the images is not
+ * known
  * @property {string[]} notices
  * @property {import("./extraction.js").Extraction | null} extraction of a checkpoint
  *
@@ -45,7 +49,8 @@ import { splitRuns } from "./runs.js";
  * @property {string} error why it cannot be used at all
  * @property {string[]} problems what of it cannot be used
  *
- * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string, import("./runs.js").RunFolder> }} Found
+ * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string,
+ * import("./runs.js").RunFolder> }} Found
  */
 
 const READERS = 8;
@@ -221,7 +226,8 @@ function entryOf(source, role, reason, isGuess) {
 }
 
 /**
- * Whether an entry is to be parsed: it is new, or it depends on the size of the images, and that is another one now.
+ * Whether an entry is to be parsed: it is new, or it depends on the size of the images, and that is
+ * another one now.
  * @param {Entry} entry
  * @param {[number, number] | undefined} imageSize
  */

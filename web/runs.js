@@ -16,8 +16,9 @@ const MARKS = ["log.jsonl", "summary.json"];
 const OTHERS = /^(state\.safetensors|checkpoint_(best|final)\.safetensors|lock|events\.out\.tfevents\..*)$/;
 
 /**
- * Takes the folders of runs out of `sources`. A folder is one when it holds a log or a summary of training, or, as a sweep
- * leaves it, a configuration or an error in `….partial`; its checkpoints go with it.
+ * Takes the folders of runs out of `sources`. A folder is one when it holds a log or a summary of
+ * training, or, as a sweep leaves it, a configuration or an error in `….partial`; its checkpoints
+ * go with it.
  * @param {Source[]} sources
  * @returns {{ runs: Map<string, RunFolder>, rest: Source[] }}
  */

@@ -40,7 +40,8 @@ export class SavedEvaluation {
   }
 
   /**
-   * The errors of an object by sequence, the worst one first; none for a keypoint that was not saved.
+   * The errors of an object by sequence, the worst one first; none for a keypoint that was not
+   * saved.
    * @param {number} object
    * @param {number} keypoint
    * @returns {SequenceError[]}

@@ -1,8 +1,9 @@
 // @ts-check
 /**
- * A score: joined points, how they are scored, what comes out, and which of it is on display. A session of files fills it.
- * The views listen to its events: `scoring` (another set of joined points), `evaluation` (other options over the same
- * points), `intervals`, `selection` and `choice` (of other keypoints than the best ones).
+ * A score: joined points, how they are scored, what comes out, and which of it is on display. A
+ * session of files fills it. The views listen to its events: `scoring` (another set of joined
+ * points), `evaluation` (other options over the same points), `intervals`, `selection` and `choice`
+ * (of other keypoints than the best ones).
  */
 
 import { latentToImage } from "./pkg/index.js";
@@ -32,7 +33,8 @@ import { load, store } from "./settings.js";
  * @typedef {object} Points
  * @property {Scoring} scoring
  * @property {(Source | null)[]} pictures for each joined frame its image; empty: there are none
- * @property {[number, number][]} sizes width and height by joined frame, or one for all; empty: not known
+ * @property {[number, number][]} sizes width and height by joined frame, or one for all; empty: not
+ * known
  * @property {OpenEncoder | null} encoder whose latent space the keypoints are in
  */
 
@@ -190,7 +192,8 @@ export class Score extends EventTarget {
   }
 
   /**
-   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure, the command.
+   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure,
+   * the command.
    * @returns {Evaluation | null}
    */
   completeEvaluation() {
@@ -234,7 +237,8 @@ export class Score extends EventTarget {
   }
 
   /**
-   * The keypoint on display for an object: the chosen one, otherwise the best; `null` when it is visible in no frame.
+   * The keypoint on display for an object: the chosen one, otherwise the best; `null` when it is
+   * visible in no frame.
    * @param {number} object
    */
   keypointOf(object) {
@@ -279,8 +283,9 @@ export class Score extends EventTarget {
   }
 
   /**
-   * The frames in which an object is furthest from a keypoint under its map (squared distance, ndc), with their positions
-   * among the joined ones; of a saved evaluation the worst one of each sequence, at no position (-1).
+   * The frames in which an object is furthest from a keypoint under its map (squared distance,
+   * ndc), with their positions among the joined ones; of a saved evaluation the worst one of each
+   * sequence, at no position (-1).
    * @param {number} object
    * @param {number} keypoint
    * @param {number} most
@@ -339,7 +344,8 @@ export class Score extends EventTarget {
   }
 
   /**
-   * The points of an object and its keypoint on display, all in ndc, with their squared distances; `null` when it has none.
+   * The points of an object and its keypoint on display, all in ndc, with their squared distances;
+   * `null` when it has none.
    * @param {number} object
    */
   series(object) {
@@ -360,8 +366,8 @@ export class Score extends EventTarget {
   }
 
   /**
-   * The errors of an object and its keypoint on display by the sequence, in the order of `sequences`; NaN where the object
-   * is not visible.
+   * The errors of an object and its keypoint on display by the sequence, in the order of
+   * `sequences`; NaN where the object is not visible.
    * @param {number} object
    */
   sequenceErrors(object) {

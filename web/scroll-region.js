@@ -5,7 +5,8 @@
 const SLACK = 1;
 
 /**
- * Watches an element that scrolls sideways. Only while there is something to scroll is it reached by the keyboard.
+ * Watches an element that scrolls sideways. Only while there is something to scroll is it reached
+ * by the keyboard.
  * @template {HTMLElement} E
  * @param {E} element with its one child, which may be wider
  * @param {string} label

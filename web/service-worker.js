@@ -1,8 +1,9 @@
 // @ts-check
 /// <reference lib="webworker" />
 /**
- * Serves the page from a copy in the browser, so that it works without a network. A copy is all of one version: every
- * file is compared with its hash before it is kept, and a page stays with its copy until the user asks for a newer one.
+ * Serves the page from a copy in the browser, so that it works without a network. A copy is all of
+ * one version: every file is compared with its hash before it is kept, and a page stays with its
+ * copy until the user asks for a newer one.
  */
 
 /**
@@ -83,12 +84,14 @@ async function keep(cache, path) {
     if (!answer.ok) throw new Error(`${path} could not be fetched: status ${answer.status}`);
     return answer;
   };
-  // A host that tells changes apart by the second may call an old file unchanged; then it is asked for the whole file.
+  // A host that tells changes apart by the second may call an old file unchanged; then it is asked
+  // for the whole file.
   for (const source of [() => caches.match(url), () => ask("no-cache"), () => ask("reload")]) {
     const found = await source();
     const bytes = await found?.arrayBuffer();
     if (!found || !bytes || (await sha256(bytes)) !== SITE.files[path].hash) continue;
-    // What is kept is the content: not compressed any more, and from here even where the host redirected.
+    // What is kept is the content: not compressed any more, and from here even where the host
+    // redirected.
     const headers = new Headers(found.headers);
     for (const name of ["content-encoding", "content-length"]) headers.delete(name);
     const response = new Response(bytes, { headers });

@@ -1,7 +1,7 @@
 // @ts-check
 /**
- * What the page knows: the files taken, and everything that follows from them. Beside those of a score, its events are
- * `files`, `reading` and `extraction`.
+ * What the page knows: the files taken, and everything that follows from them. Beside those of a
+ * score, its events are `files`, `reading` and `extraction`.
  */
 
 import { FrameIndex, KeypointTable, Scoring, joinFrames } from "./pkg/index.js";
@@ -25,7 +25,8 @@ import { Score } from "./score.js";
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
  *
  * Fetches files that come with the page.
- * @typedef {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title: string, note?: string },
+ * @typedef {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title:
+ * string, note?: string },
  *   sources: Source[] }>} FetchSources
  */
 
@@ -99,7 +100,8 @@ export class Session extends Score {
   // Files
 
   /**
-   * Takes files: says what each is, parses it, and goes on with what is there then. They take the place of the example.
+   * Takes files: says what each is, parses it, and goes on with what is there then. They take the
+   * place of the example.
    * @param {Source[]} sources
    */
   add(sources) {
@@ -230,8 +232,8 @@ export class Session extends Score {
   }
 
   /**
-   * Reads positions in pixels as those of images of this size, where there are no images that tell it; `undefined` takes
-   * back what was said.
+   * Reads positions in pixels as those of images of this size, where there are no images that tell
+   * it; `undefined` takes back what was said.
    * @param {[number, number] | undefined} size
    */
   setImageSize(size) {
@@ -631,7 +633,8 @@ export class Session extends Score {
     try {
       if (images.length > 0) this.frames = FrameIndex.ofAll(images.map(({ path }) => path));
     } catch (error) {
-      // E.g. a copy of an image beside its original: which rows the images belong to cannot be told.
+      // E.g. a copy of an image beside its original: which rows the images belong to cannot be
+      // told.
       this.report("frames", "error", messageOf(error), {
         label: "Remove the images",
         run: () => void this.removeImages(),
@@ -643,7 +646,8 @@ export class Session extends Score {
   }
 
   /**
-   * Width and height of the first image; one that cannot be read is told when its keypoints are extracted.
+   * Width and height of the first image; one that cannot be read is told when its keypoints are
+   * extracted.
    * @returns {Promise<[number, number] | undefined>}
    */
   async #firstSize() {
@@ -691,7 +695,8 @@ export class Session extends Score {
   }
 
   /**
-   * Whether a file is a detector that can be scored on what is here, and so is compared with the others.
+   * Whether a file is a detector that can be scored on what is here, and so is compared with the
+   * others.
    * @param {Entry} entry
    */
   isCompared({ role, content }) {
@@ -797,7 +802,8 @@ export class Session extends Score {
       const [first] = sizes;
       return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
     }
-    // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are left out then.
+    // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are
+    // left out then.
     const size = pictures.some((picture) => picture !== null) ? this.frameSize : this.saidSize;
     return size ? [size] : [];
   }
@@ -840,7 +846,8 @@ export class Session extends Score {
 }
 
 /**
- * Whether there is neither anything of use in files, nor anything that would be if it could be read.
+ * Whether there is neither anything of use in files, nor anything that would be if it could be
+ * read.
  * @param {import("./intake.js").Found} found
  */
 function isNothing({ images, runs, entries, containers }) {

@@ -1,7 +1,7 @@
 // @ts-check
 /**
- * What the user set, kept in this browser between visits. Where nothing can be kept (private windows, blocked
- * storage) or what was kept is not understood, the page goes on with its defaults.
+ * What the user set, kept in this browser between visits. Where nothing can be kept (private
+ * windows, blocked storage) or what was kept is not understood, the page goes on with its defaults.
  */
 
 /** A layout of its own for every version: what a later page wrote is left alone by this one. */

@@ -1,8 +1,10 @@
-//! Time of extraction on the CPU engine: Basic, KeyNet and DSAE of the paper's sizes, input as planes of f32.
+//! Time of extraction on the CPU engine: Basic, KeyNet and DSAE of the paper's sizes, input as
+//! planes of f32.
 //!
-//! `cargo bench -p tracklens --no-default-features --features engine --bench extract` prints a table; with `-- --json`
-//! lines of JSON, as the peers in `peers/extract_*.py` do. `--threads N` deals frames to N threads, each of which runs
-//! one at a time. `--checkpoints DIR` only writes the encoders, for `tracklens export`.
+//! `cargo bench -p tracklens --no-default-features --features engine --bench extract` prints a
+//! table; with `-- --json` lines of JSON, as the peers in `peers/extract_*.py` do. `--threads N`
+//! deals frames to N threads, each of which runs one at a time. `--checkpoints DIR` only writes the
+//! encoders, for `tracklens export`.
 
 mod random;
 
@@ -52,7 +54,8 @@ fn median_ms(encoder: &Encoder, side: usize, threads: usize) -> f64 {
     times[times.len() / 2] / threads as f64
 }
 
-/// Multiplications and additions a second of a loop that does nothing else, in GFLOP/s: what a core can do at most.
+/// Multiplications and additions a second of a loop that does nothing else, in GFLOP/s: what a core
+/// can do at most.
 struct Peak;
 
 impl SimdOp for Peak {
@@ -112,11 +115,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         let encoder = Encoder::new(&random::checkpoint(SaeConfig::named(name)?))?;
         for side in SIDES {
             let plan = encoder.plan([side, side])?;
-            let mflop = |count: fn(&PlannedLayer) -> u64| 2e-6 * plan.iter().map(count).sum::<u64>() as f64;
+            let mflop =
+                |count: fn(&PlannedLayer) -> u64| 2e-6 * plan.iter().map(count).sum::<u64>() as f64;
             let (defined, done) = (mflop(|layer| layer.defined), mflop(|layer| layer.done));
             let time = median_ms(&encoder, side, threads);
             if json {
-                println!("{{\"name\":\"{name} {side}\",\"median_ms\":{time:.3},\"mflop\":{defined:.1}}}");
+                println!(
+                    "{{\"name\":\"{name} {side}\",\"median_ms\":{time:.3},\"mflop\":{defined:.1}}}"
+                );
             } else {
                 println!(
                     "{name:<8} {side:>4} {time:>10.2} {:>9.1} {:>9.1}",

@@ -1,7 +1,7 @@
 //! Time of the metric: all N x K affine fits of a recording, on one thread.
 //!
-//! `cargo bench -p tracklens --no-default-features --bench metric` prints a table; with `-- --json` one line of
-//! JSON for the case that `peers/metric_numpy.py` times as well.
+//! `cargo bench -p tracklens --no-default-features --bench metric` prints a table; with `-- --json`
+//! one line of JSON for the case that `peers/metric_numpy.py` times as well.
 
 use std::hint::black_box;
 use std::time::Instant;

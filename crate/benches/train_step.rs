@@ -1,9 +1,11 @@
-//! Time of a training step: forward, backward and Adam on 8 snippets of 3 frames, input 128 x 128, target 64 x 64.
+//! Time of a training step: forward, backward and Adam on 8 snippets of 3 frames, input 128 x 128,
+//! target 64 x 64.
 //!
-//! `cargo bench -p tracklens --bench train_step` prints a table; with `-- --json NAME` one line of JSON for the
-//! architecture that `peers/train_step_torch.py` times as well. `--threads N` limits the threads, `--steps N` says
-//! how many steps are timed, `--snippets N` and `--input SIDE` make them of another size, `--architectures A,B` of
-//! others. `--input 256 --snippets 4` is an eighth of a step of the paper.
+//! `cargo bench -p tracklens --bench train_step` prints a table; with `-- --json NAME` one line of
+//! JSON for the architecture that `peers/train_step_torch.py` times as well. `--threads N` limits
+//! the threads, `--steps N` says how many steps are timed, `--snippets N` and `--input SIDE` make
+//! them of another size, `--architectures A,B` of others. `--input 256 --snippets 4` is an eighth
+//! of a step of the paper.
 
 use std::error::Error;
 use std::time::Instant;
@@ -27,8 +29,9 @@ struct Step {
     input: usize,
 }
 
-/// Floating-point operations of a step, by the definition of the convolutions: forwards, and backwards to the inputs
-/// and to the weights, which take as many each. Of the decoder of a DSAE, too.
+/// Floating-point operations of a step, by the definition of the convolutions: forwards, and
+/// backwards to the inputs and to the weights, which take as many each. Of the decoder of a DSAE,
+/// too.
 fn operations(config: &SaeConfig, step: Step) -> f64 {
     let mut macs = 0;
     for (layers, mut side) in [
@@ -36,7 +39,8 @@ fn operations(config: &SaeConfig, step: Step) -> f64 {
         (config.decoder_layers(), config.map_size()[0]),
     ] {
         for layer in layers {
-            let Some((convolved, output)) = layer.convolved_side(side).zip(layer.output_side(side)) else {
+            let Some((convolved, output)) = layer.convolved_side(side).zip(layer.output_side(side))
+            else {
                 break;
             };
             macs += layer.inputs * layer.outputs * layer.kernel.pow(2) * convolved.pow(2);
@@ -55,7 +59,11 @@ fn median_ms(config: &SaeConfig, step: Step, steps: usize) -> Result<f64, Box<dy
     let Step { images, input } = step;
     let mut trainer = Trainer::new(&fresh_weights(config, 0), 1e-3)?;
     let [width, height] = config.target_size;
-    let values = |len: usize| -> Vec<f32> { (0..len).map(|i| (i * 7919 % 1009) as f32 / 1009.0).collect() };
+    let values = |len: usize| -> Vec<f32> {
+        (0..len)
+            .map(|i| (i * 7919 % 1009) as f32 / 1009.0)
+            .collect()
+    };
     let mut times = Vec::new();
     for index in 0..steps + 2 {
         let inputs = values(images * 3 * input * input);

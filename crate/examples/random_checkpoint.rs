@@ -1,6 +1,7 @@
 //! Writes a checkpoint that nobody trained, for benchmarks of extraction.
 //!
-//! `cargo run --release --no-default-features --features cli --example random_checkpoint -- keynet 256 W.safetensors`
+//! `cargo run --release --no-default-features --features cli --example random_checkpoint -- keynet
+//! 256 W.safetensors`
 
 #[path = "../benches/random/mod.rs"]
 mod random;
@@ -13,7 +14,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [architecture, side, file] = &arguments[..] else {
         return Err(
-            "expected an architecture, the side of its input in pixels, and the file to write".into(),
+            "expected an architecture, the side of its input in pixels, and the file to write"
+                .into(),
         );
     };
     let side = side.parse()?;

@@ -32,7 +32,8 @@ pub struct Adapter {
     pub api: String,
     /// The driver with its version.
     pub driver: String,
-    /// Whether it computes on the CPU, as Mesa's lavapipe does: right, and slower than the device cpu.
+    /// Whether it computes on the CPU, as Mesa's lavapipe does: right, and slower than the device
+    /// cpu.
     pub software: bool,
 }
 

@@ -33,7 +33,8 @@ pub enum ErrorKind {
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// An error of `kind` with a message that says what was wrong, what was expected and what to do.
+    /// An error of `kind` with a message that says what was wrong, what was expected and what to
+    /// do.
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
         Self {
             kind,

@@ -1,7 +1,7 @@
 //! What long work tells whoever waits for it.
 //!
-//! Extraction and training speak through one enum, so that the terminal's progress bar, the run log and the
-//! page's `postMessage` are translations of the same conversation.
+//! Extraction and training speak through one enum, so that the terminal's progress bar, the run log
+//! and the page's `postMessage` are translations of the same conversation.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

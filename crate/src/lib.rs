@@ -1,12 +1,14 @@
 //! Do the keypoints track the objects?
 //!
-//! `tracklens` scores keypoint detectors with the metric of Cramer, Reiher and Trimpe, "Tracking Object
-//! Positions in Reinforcement Learning: A Metric for Keypoint Detection" (L4DC 2024): tracking errors and
-//! Tracking Capability (TC). It extracts keypoints from images with spatial autoencoders (SAEs) and trains them.
+//! `tracklens` scores keypoint detectors with the metric of Cramer, Reiher and Trimpe, "Tracking
+//! Object Positions in Reinforcement Learning: A Metric for Keypoint Detection" (L4DC 2024):
+//! tracking errors and Tracking Capability (TC). It extracts keypoints from images with spatial
+//! autoencoders (SAEs) and trains them.
 //!
-//! With `default-features = false` there is only [`metric`], with few and small dependencies. The other parts
-//! are features: `data` (tables, images, sequences, checkpoints), `engine` (CPU inference), `report` (results and
-//! figures), `model` and `train` (SAEs in burn), `gpu` (SAEs on the GPU), `cli`, `web`.
+//! With `default-features = false` there is only [`metric`], with few and small dependencies. The
+//! other parts are features: `data` (tables, images, sequences, checkpoints), `engine` (CPU
+//! inference), `report` (results and figures), `model` and `train` (SAEs in burn), `gpu` (SAEs on
+//! the GPU), `cli`, `web`.
 
 #[cfg(any(feature = "cli", feature = "train"))]
 mod atomic;

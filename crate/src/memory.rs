@@ -1,12 +1,13 @@
-//! How much memory there is: systems promise more than they have, and end the program that believes them.
+//! How much memory there is: systems promise more than they have, and end the program that believes
+//! them.
 
 use crate::error::{Error, Result};
 
 /// Bytes that are always taken without a question.
 const SMALL: u64 = 16 << 20;
 
-/// Checks that `bytes` can be had before they are asked for. `what` names them, `advice` says what to do where
-/// there are fewer.
+/// Checks that `bytes` can be had before they are asked for. `what` names them, `advice` says what
+/// to do where there are fewer.
 ///
 /// # Errors
 /// When the system tells that it has less.
@@ -82,7 +83,9 @@ mod tests {
         let error = check(u64::MAX, "weights", "use fewer");
         if available().is_some() {
             let error = error.expect_err("no memory").to_string();
-            assert!(error.starts_with("there is no memory for 17592186044416 MiB of weights, and "));
+            assert!(
+                error.starts_with("there is no memory for 17592186044416 MiB of weights, and ")
+            );
             assert!(error.ends_with(" MiB are free; use fewer"), "{error}");
         }
         assert!(check(SMALL - 1, "weights", "use fewer").is_ok());
@@ -91,8 +94,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn free_memory_is_what_linux_could_free() {
-        let meminfo =
-            "MemTotal: 16000000 kB\nMemFree: 1000 kB\nMemAvailable:    3000 kB\nSwapFree:  500 kB\n";
+        let meminfo = "MemTotal: 16000000 kB\nMemFree: 1000 kB\nMemAvailable:    3000 kB\nSwapFree:  500 kB\n";
         assert_eq!(free_of_machine(meminfo), Some(3500 << 10));
         assert_eq!(free_of_machine("MemTotal: 16000000 kB\n"), None);
     }

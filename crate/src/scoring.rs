@@ -8,13 +8,13 @@ use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
-    Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object, Settings, deal,
-    held_out,
+    Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
+    Settings, deal, held_out,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
-/// A ground truth and keypoints with their join. The moments are taken once; scoring with other settings then
-/// does not look at the frames again.
+/// A ground truth and keypoints with their join. The moments are taken once; scoring with other
+/// settings then does not look at the frames again.
 #[derive(Debug, Clone)]
 pub struct Scoring {
     names: Vec<String>,
@@ -70,8 +70,8 @@ impl Scoring {
     /// Joins `keypoints` to `truth` and takes the moments of the joined frames.
     ///
     /// # Errors
-    /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the message names
-    /// the frame.
+    /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the
+    /// message names the frame.
     pub fn new(truth: &GroundTruth, keypoints: &KeypointTrack, policy: NonFinite) -> Result<Self> {
         let join = join(keypoints.keys(), truth.keys())?;
         let (left, right): (Vec<usize>, Vec<usize>) = join.pairs.iter().copied().unzip();
@@ -113,9 +113,10 @@ impl Scoring {
         self.keys.chunk_by(|a, b| a.sequence == b.sequence).count()
     }
 
-    /// Objects that hardly move within the sequences, where there are fewer than ten (and more than one): their
-    /// positions are hardly more than the sequences, and an affine map goes through three of them whatever the keypoint
-    /// does. Hardly: less than a twentieth of an object's variance lies within the sequences.
+    /// Objects that hardly move within the sequences, where there are fewer than ten (and more than
+    /// one): their positions are hardly more than the sequences, and an affine map goes through
+    /// three of them whatever the keypoint does. Hardly: less than a twentieth of an object's
+    /// variance lies within the sequences.
     ///
     /// # Errors
     /// As [`Scoring::new`].
@@ -141,12 +142,19 @@ impl Scoring {
     /// ([`default_threshold`](crate::metric::default_threshold)).
     ///
     /// # Errors
-    /// When a threshold is for an object that is not there, is given twice or is not positive; as [`Moments::evaluate`].
-    pub fn evaluate(&self, thresholds: &[(String, f64)], settings: &Settings) -> Result<Evaluation> {
-        self.moments.evaluate(&self.thresholds(thresholds)?, settings)
+    /// When a threshold is for an object that is not there, is given twice or is not positive; as
+    /// [`Moments::evaluate`].
+    pub fn evaluate(
+        &self,
+        thresholds: &[(String, f64)],
+        settings: &Settings,
+    ) -> Result<Evaluation> {
+        self.moments
+            .evaluate(&self.thresholds(thresholds)?, settings)
     }
 
-    /// Scores every fold of the sequences with maps and best keypoints of the others; see [`held_out`].
+    /// Scores every fold of the sequences with maps and best keypoints of the others; see
+    /// [`held_out`].
     ///
     /// # Errors
     /// As [`Scoring::evaluate`] and [`held_out`].
@@ -191,8 +199,8 @@ impl Scoring {
         Ok((bootstrap, self.sequences()?))
     }
 
-    /// What others measure of the same frames; with the number of folds and the seed that deals the sequences to them also
-    /// on frames that were not fitted.
+    /// What others measure of the same frames; with the number of folds and the seed that deals the
+    /// sequences to them also on frames that were not fitted.
     ///
     /// # Errors
     /// When there are fewer than two folds, or fewer sequences than folds.
@@ -249,7 +257,11 @@ impl Scoring {
 
     /// The objects with the thresholds that are given, or their default.
     fn thresholds(&self, thresholds: &[(String, f64)]) -> Result<Vec<Object>> {
-        let mut objects: Vec<Object> = self.names.iter().map(Object::with_default_threshold).collect();
+        let mut objects: Vec<Object> = self
+            .names
+            .iter()
+            .map(Object::with_default_threshold)
+            .collect();
         for (i, (name, threshold)) in thresholds.iter().enumerate() {
             if thresholds[..i].iter().any(|(other, _)| other == name) {
                 return Err(Error::input(format!(
@@ -302,8 +314,8 @@ impl Scoring {
         })
     }
 
-    /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit, in every joined frame
-    /// (ndc); NaN where the object is not visible or the frame was left out.
+    /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit,
+    /// in every joined frame (ndc); NaN where the object is not visible or the frame was left out.
     ///
     /// # Errors
     /// As [`Scoring::series`].
@@ -328,17 +340,23 @@ impl Scoring {
         Ok(points.enumerate().map(distance).collect())
     }
 
-    /// The error of object `k` with keypoint `n` by the sequence, the worst one first; sequences that do not show the
-    /// object are left out. The map is the one of all frames.
+    /// The error of object `k` with keypoint `n` by the sequence, the worst one first; sequences
+    /// that do not show the object are left out. The map is the one of all frames.
     ///
     /// # Errors
     /// As [`Scoring::series`].
-    pub fn sequence_errors(&self, k: usize, n: usize, settings: &Settings) -> Result<Vec<SequenceError>> {
+    pub fn sequence_errors(
+        &self,
+        k: usize,
+        n: usize,
+        settings: &Settings,
+    ) -> Result<Vec<SequenceError>> {
         let distances = self.distances(k, n, settings)?;
         let mut errors: Vec<SequenceError> = ranges(&self.keys)
             .into_iter()
             .filter_map(|range| {
-                let (mut frames, mut sum, mut worst) = (0_u64, 0.0, (range.start, f64::NEG_INFINITY));
+                let (mut frames, mut sum, mut worst) =
+                    (0_u64, 0.0, (range.start, f64::NEG_INFINITY));
                 let own = distances.iter().enumerate();
                 for (t, distance) in own.skip(range.start).take(range.length) {
                     if distance.is_nan() {

@@ -1,8 +1,8 @@
 //! Points over time, and the spaces they live in.
 //!
-//! Everything is in *ndc* unless a name says otherwise: (x, y), x to the right, y down, -1 and +1 at the outer
-//! edges of the image. The centre of pixel `(col, row)` of a `W x H` image is at
-//! `x = (2 col + 1) / W - 1`, `y = (2 row + 1) / H - 1`.
+//! Everything is in *ndc* unless a name says otherwise: (x, y), x to the right, y down, -1 and +1
+//! at the outer edges of the image. The centre of pixel `(col, row)` of a `W x H` image is at `x =
+//! (2 col + 1) / W - 1`, `y = (2 row + 1) / H - 1`.
 
 use ndarray::{Array3, ArrayView2, Axis};
 

@@ -433,8 +433,8 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
 test("what a browser downloads stays small", async () => {
   const pkg = new URL("../../pkg/", import.meta.url);
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
-  // What has to be there before the page can be used, what workers load, what comes with the first JPEG or WebP image, with
-  // the first score, and with the first runs.
+  // What has to be there before the page can be used, what workers load, what comes with the first
+  // JPEG or WebP image, with the first score, and with the first runs.
   for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 300_000, images: 250_000, figures: 200_000, comparison: 300_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);

@@ -13,11 +13,13 @@ pub fn golden(name: &str) -> Vec<u8> {
     std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// A golden file that is too large for the repository: `None`, with a word about it, unless the environment
-/// variable `TRACKLENS_GOLDEN` names the folder that holds it.
+/// A golden file that is too large for the repository: `None`, with a word about it, unless the
+/// environment variable `TRACKLENS_GOLDEN` names the folder that holds it.
 pub fn large_golden(name: &str) -> Option<Vec<u8>> {
     let Some(folder) = std::env::var_os("TRACKLENS_GOLDEN") else {
-        println!("skipped: {name} is too large for the repository; TRACKLENS_GOLDEN names no folder with it");
+        println!(
+            "skipped: {name} is too large for the repository; TRACKLENS_GOLDEN names no folder with it"
+        );
         return None;
     };
     let path = PathBuf::from(folder).join(name);

@@ -11,21 +11,25 @@ use tracklens::train::Trainer;
 
 use crate::shared::{golden, tensor};
 
-/// As in the engine's tests: float32 sums in another order, magnified by peaky attention; 1e-5 is measured.
+/// As in the engine's tests: float32 sums in another order, magnified by peaky attention; 1e-5 is
+/// measured.
 pub const KEYPOINTS: f32 = 1e-4;
 
-/// A blob of sigma 0.1 turns an error of a keypoint into one of the reconstruction that is tens of times larger: 3e-4 is
-/// measured, 7e-4 is what PyTorch's own float32 differs from its float64 by.
+/// A blob of sigma 0.1 turns an error of a keypoint into one of the reconstruction that is tens of
+/// times larger: 3e-4 is measured, 7e-4 is what PyTorch's own float32 differs from its float64 by.
 const RECONSTRUCTION: f32 = 2e-3;
 
 pub fn largest(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     let difference = |(a, b): (&f32, &f32)| (a - b).abs();
     // A NaN must not pass for a small difference.
-    a.iter().zip(b).map(difference).fold(
-        0.0,
-        |largest, d| if d > largest || d.is_nan() { d } else { largest },
-    )
+    a.iter().zip(b).map(difference).fold(0.0, |largest, d| {
+        if d > largest || d.is_nan() {
+            d
+        } else {
+            largest
+        }
+    })
 }
 
 pub fn batch(shape: &[usize], values: Vec<f32>, device: &Device) -> Tensor<4> {
@@ -56,9 +60,17 @@ pub fn equals_the_reference(bytes: &[u8], sizes: &[&str], device: &Device) {
     }
 }
 
-pub const TINY: [&str; 3] = ["basic-vel-std-bg-tiny", "dsae-tiny", "keynet-vel-std-bg-tiny"];
+pub const TINY: [&str; 3] = [
+    "basic-vel-std-bg-tiny",
+    "dsae-tiny",
+    "keynet-vel-std-bg-tiny",
+];
 
-fn state(file: &SafeTensors, prefix: &str, like: &Checkpoint) -> BTreeMap<String, checkpoint::Tensor> {
+fn state(
+    file: &SafeTensors,
+    prefix: &str,
+    like: &Checkpoint,
+) -> BTreeMap<String, checkpoint::Tensor> {
     let read = |name: &String| {
         let (shape, data) = tensor(file, &format!("{prefix}.{name}"));
         (name.clone(), checkpoint::Tensor { shape, data })
@@ -70,8 +82,8 @@ fn state(file: &SafeTensors, prefix: &str, like: &Checkpoint) -> BTreeMap<String
         .collect()
 }
 
-/// The true gradient of a bias before a softmax is 0 (it does not see a shift): what is left is float noise, which Adam
-/// turns into whole steps.
+/// The true gradient of a bias before a softmax is 0 (it does not see a shift): what is left is
+/// float noise, which Adam turns into whole steps.
 fn is_noise(name: &str) -> bool {
     name == "encoder.aggregate_conv.bias"
 }
@@ -91,7 +103,8 @@ pub struct Tolerances {
     pub losses: [f64; 2],
     /// Of the gradients of all weights together, and of the single ones, by relative norm.
     pub gradients: [f64; 2],
-    /// Of a weight after one and three steps, absolute; `None`: the whole update by relative norm alone.
+    /// Of a weight after one and three steps, absolute; `None`: the whole update by relative norm
+    /// alone.
     pub weights: Option<f32>,
     /// Of the whole update after one and three steps, by relative norm.
     pub update: f64,
@@ -120,7 +133,10 @@ pub fn training_equals_the_reference(
     let autodiff = device.clone().autodiff();
     let sae = Sae::from_checkpoint(&start, &autodiff).expect("an SAE");
     let output = sae.forward(batch(&[frames, 3, side, side], inputs.clone(), &autodiff));
-    let keypoints = largest(&values(output.latent), &tensor(&file, "train.keypoints_step0").1);
+    let keypoints = largest(
+        &values(output.latent),
+        &tensor(&file, "train.keypoints_step0").1,
+    );
     let reconstruction = largest(
         &values(output.reconstruction),
         &tensor(&file, "train.reconstruction_step0").1,
@@ -143,7 +159,10 @@ pub fn training_equals_the_reference(
         expected.extend(reference);
     }
     let all = relative_norm(&ours, &expected);
-    println!("gradients: {all:.1e}, the worst {:.1e} ({})", worst.0, worst.1);
+    println!(
+        "gradients: {all:.1e}, the worst {:.1e} ({})",
+        worst.0, worst.1
+    );
     assert!(all < tolerances.gradients[0] && worst.0 < tolerances.gradients[1]);
 
     let mut trainer = Trainer::on(device, &start, 1e-3).expect("a trainer");
@@ -156,7 +175,10 @@ pub fn training_equals_the_reference(
         let total = f64::from(expected[0]);
         for (ours, expected) in ours.iter().zip(expected) {
             let difference = (ours - f64::from(*expected)).abs();
-            assert!(difference < tolerances.losses[step.min(1)] * total, "step {step}");
+            assert!(
+                difference < tolerances.losses[step.min(1)] * total,
+                "step {step}"
+            );
         }
         let prefix = ["after1", "", "after3"][step];
         if !file
@@ -167,11 +189,17 @@ pub fn training_equals_the_reference(
         {
             continue;
         }
-        let found = trainer.checkpoint(BTreeMap::new()).expect("weights").tensors;
+        let found = trainer
+            .checkpoint(BTreeMap::new())
+            .expect("weights")
+            .tensors;
         let (mut ours, mut reference, mut worst) = (Vec::new(), Vec::new(), (0.0, ""));
         let after = state(&file, prefix, &start);
         for (name, after) in after.iter().filter(|(name, _)| !is_noise(name)) {
-            worst = worst_of(worst, (f64::from(largest(&found[name].data, &after.data)), name));
+            worst = worst_of(
+                worst,
+                (f64::from(largest(&found[name].data, &after.data)), name),
+            );
             let from = &start.tensors[name].data;
             ours.extend(found[name].data.iter().zip(from).map(|(a, b)| a - b));
             reference.extend(after.data.iter().zip(from).map(|(a, b)| a - b));
@@ -189,7 +217,10 @@ pub fn training_equals_the_reference(
     // The running statistics of batch norm count as well: with them the SAE infers.
     let input = batch(&[frames, 3, side, side], inputs, device);
     let output = trainer.valid().forward(input);
-    let keypoints = largest(&values(output.latent), &tensor(&file, "eval.keypoints_after3").1);
+    let keypoints = largest(
+        &values(output.latent),
+        &tensor(&file, "eval.keypoints_after3").1,
+    );
     println!("after three steps: keypoints {keypoints:.1e}");
     assert!(keypoints < 1e-2);
 }

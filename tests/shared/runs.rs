@@ -39,10 +39,16 @@ pub fn write_run(folder: &Path, architecture: &str, seed: u64, epochs: u32) {
         let errors: Value = OBJECTS
             .iter()
             .enumerate()
-            .map(|(k, name)| ((*name).to_owned(), json!(error(architecture, seed, k) * factor)))
+            .map(|(k, name)| {
+                (
+                    (*name).to_owned(),
+                    json!(error(architecture, seed, k) * factor),
+                )
+            })
             .collect::<serde_json::Map<_, _>>()
             .into();
-        let losses = json!({ "total": 0.01 * factor, "reconstruction": 0.01 * factor, "velocity": 0.0 });
+        let losses =
+            json!({ "total": 0.01 * factor, "reconstruction": 0.01 * factor, "velocity": 0.0 });
         let line = json!({
             "epoch": epoch, "seconds": 1.5, "training": losses, "validation": losses, "tc": 0.5,
             "errors": { "affine": errors, "identity": errors, "scale-translate": errors }

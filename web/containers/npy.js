@@ -13,7 +13,8 @@ const ELEMENTS = {
 };
 
 /**
- * @param {Blob} blob an array of shape (height, width, 3) or (3, height, width), with a header as numpy writes it
+ * @param {Blob} blob an array of shape (height, width, 3) or (3, height, width), with a header as
+ * numpy writes it
  * @returns {Promise<ImageData>}
  */
 export async function imageOfArray(blob) {

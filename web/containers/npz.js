@@ -9,8 +9,8 @@ import { entriesOf, unpack } from "./zip.js";
 /** @typedef {import("../files.js").Source} Source */
 
 /**
- * The frames of a recording, and its arrays, whose points are read from them; `error` says why there are no frames though
- * there is an array of them.
+ * The frames of a recording, and its arrays, whose points are read from them; `error` says why
+ * there are no frames though there is an array of them.
  * @param {Source} recording
  * @returns {Promise<{ frames: Source[], arrays: Arrays, error: string }>}
  */

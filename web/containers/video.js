@@ -1,7 +1,7 @@
 // @ts-check
 /**
- * Videos: the frames of a file by index, decoded by the browser (WebCodecs) when they are asked for. Mediabunny, which
- * tells the container's parts apart, is fetched with the first video.
+ * Videos: the frames of a file by index, decoded by the browser (WebCodecs) when they are asked
+ * for. Mediabunny, which tells the container's parts apart, is fetched with the first video.
  */
 
 import { blobOf } from "../files.js";
@@ -62,7 +62,8 @@ export async function openVideo(source) {
 }
 
 /**
- * The path that the frames of a video lie under: that of the file without its ending, as tables name the sequence.
+ * The path that the frames of a video lie under: that of the file without its ending, as tables
+ * name the sequence.
  * @param {string} path
  */
 export function folderOf(path) {

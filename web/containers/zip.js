@@ -52,8 +52,9 @@ export async function entriesOf(blob, path) {
 }
 
 /**
- * The content of an entry. A small one is read at once, with its header; of a large one, what is stored as it is stays
- * where it is, and what is packed goes through a stream into a blob, which the browser may hold on disk.
+ * The content of an entry. A small one is read at once, with its header; of a large one, what is
+ * stored as it is stays where it is, and what is packed goes through a stream into a blob, which
+ * the browser may hold on disk.
  * @param {Blob} blob the archive
  * @param {ArchiveEntry} entry
  * @param {string} path for messages

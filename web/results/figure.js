@@ -23,7 +23,8 @@ const PNG_SCALE = 2;
  * @param {object} options
  * @param {string} options.id
  * @param {string} options.label what it shows, for those who do not see it
- * @param {(theme: Theme | undefined, width: number) => Drawn | null} options.draw with the colours of the page, or for a
+ * @param {(theme: Theme | undefined, width: number) => Drawn | null} options.draw with the colours
+ * of the page, or for a
  *   file; `null` when there is nothing to draw
  * @param {(drawn: Drawn, layer: HTMLElement) => void} [options.drawn] after each drawing
  */

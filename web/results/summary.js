@@ -45,7 +45,8 @@ export function summaryView(session) {
     value.dataset.tc = String(heldOut?.tc ?? evaluation.tc);
     share.textContent = tally(heldOut?.objects ?? evaluation.objects);
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
-    // The resamples are fitted and scored on the same frames, so their intervals are not those of held-out errors.
+    // The resamples are fitted and scored on the same frames, so their intervals are not those of
+    // held-out errors.
     if (heldOut) interval.textContent = `On the frames fitted on ${fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
     else interval.textContent = known ? `95 % interval ${known}` : session.resampling.intervals ? "Drawing the 95 % interval …" : "";
     protocol.textContent = describeProtocol(session, evaluation);

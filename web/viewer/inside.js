@@ -1,7 +1,8 @@
 // @ts-check
 /**
- * What goes on inside the autoencoder: the heat map behind a keypoint, and the image that the decoder makes of all of them.
- * A worker of their own computes them, so that the page stays responsive.
+ * What goes on inside the autoencoder: the heat map behind a keypoint, and the image that the
+ * decoder makes of all of them. A worker of their own computes them, so that the page stays
+ * responsive.
  */
 
 import { blobOf, readError } from "../files.js";
@@ -61,7 +62,8 @@ export class Inside {
   }
 
   /**
-   * The heat map of the keypoint on display; `null` if it is not there yet: then it is made and told.
+   * The heat map of the keypoint on display; `null` if it is not there yet: then it is made and
+   * told.
    * @param {Session} session
    * @param {number} frame
    */
@@ -82,7 +84,8 @@ export class Inside {
   }
 
   /**
-   * What the decoder makes of the keypoints of a frame; `null` if it is not there yet: then it is made and told.
+   * What the decoder makes of the keypoints of a frame; `null` if it is not there yet: then it is
+   * made and told.
    * @param {Session} session
    * @param {number} frame
    */

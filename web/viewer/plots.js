@@ -11,7 +11,8 @@ import { significant } from "../format.js";
  * @typedef {import("../pkg/index.js").LineFigure} LineFigure
  * @typedef {import("../pkg/index.js").PlotArea} PlotArea
  * @typedef {"x" | "y" | "error"} Quantity
- * @typedef {Record<"truth" | "keypoint" | "transformed" | "error" | "foreground" | "background" | "grid", string>} Colors
+ * @typedef {Record<"truth" | "keypoint" | "transformed" | "error" | "foreground" | "background" |
+ * "grid", string>} Colors
  *
  * A figure with the positions of the frames on its axis.
  * @typedef {{ figure: LineFigure, at: number[], marks: (keyof Colors)[] }} Plot
@@ -307,7 +308,8 @@ function describe(session, quantity, colors, fontSize) {
 }
 
 /**
- * Where each frame of a sequence stands on the axis. Missing frames leave gaps, unless most are missing.
+ * Where each frame of a sequence stands on the axis. Missing frames leave gaps, unless most are
+ * missing.
  * @param {Float64Array} numbers
  */
 function axisOf(numbers) {

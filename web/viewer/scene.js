@@ -16,7 +16,8 @@
  * @property {Heat | null} heat
  *
  * A heat map with the area of the image it covers, as shares of the image.
- * @typedef {{ image: CanvasImageSource, left: number, top: number, width: number, height: number }} Heat
+ * @typedef {{ image: CanvasImageSource, left: number, top: number, width: number, height: number }}
+ * Heat
  */
 
 /** @typedef {"truth" | "keypoint" | "transformed"} Mark */

@@ -21,7 +21,8 @@ const REACH = 12;
 /**
  * @param {Session} session
  * @param {Look} look
- * @param {(message: string) => void} onProblem why there is no heat map or reconstruction; empty when there is one
+ * @param {(message: string) => void} onProblem why there is no heat map or reconstruction; empty
+ * when there is one
  */
 export function stage(session, look, onProblem) {
   const cache = new ImageCache();

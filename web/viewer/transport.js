@@ -28,7 +28,8 @@ export function transport(session, prepare, settings, onSetting) {
     if (range) session.select({ frame: range.start + Math.min(Math.max(to, 0), range.length - 1) });
   };
   /**
-   * Goes to a frame that the user asks for; those that come next if the movement goes on are decoded meanwhile.
+   * Goes to a frame that the user asks for; those that come next if the movement goes on are
+   * decoded meanwhile.
    * @param {number} to in the sequence on display
    */
   const moveTo = (to) => {
@@ -122,7 +123,8 @@ export function transport(session, prepare, settings, onSetting) {
     if (!playing || !range) return;
     if (now >= due) {
       const interval = 1000 / settings.speed;
-      // Faster than the display some frames are left out; after a longer hitch what was missed is not made up for.
+      // Faster than the display some frames are left out; after a longer hitch what was missed is
+      // not made up for.
       const steps = Math.min(1 + Math.floor((now - due) / interval), Math.max(1, Math.ceil(settings.speed / 10)));
       due = Math.max(due + steps * interval, now);
       goTo((index() + steps) % range.length);

@@ -2,7 +2,8 @@
 /** The part of an image that is on display. */
 
 /**
- * `x` and `y` are the share of the image that lies in the middle of the canvas, `zoom` is 1 for all of it.
+ * `x` and `y` are the share of the image that lies in the middle of the canvas, `zoom` is 1 for all
+ * of it.
  * @typedef {{ zoom: number, x: number, y: number }} View
  */
 

@@ -1,5 +1,5 @@
-// The pool of the page and onnxruntime-web by turns, over the same frames. Ours is timed from encoded images to keypoints;
-// onnxruntime-web, which decodes nothing, from pixels that are ready.
+// The pool of the page and onnxruntime-web by turns, over the same frames. Ours is timed from
+// encoded images to keypoints; onnxruntime-web, which decodes nothing, from pixels that are ready.
 import * as ort from "/peers/onnxruntime-web/dist/ort.wasm.min.mjs";
 import { WorkerPool } from "/extraction-pool.js";
 

@@ -1,5 +1,6 @@
-// In the page before its own script: tells when something is painted, when it can be used and when the first TC is there, of
-// the bundled example or of two tables that are dropped (?tables), and the longest task of the page's own thread until then.
+// In the page before its own script: tells when something is painted, when it can be used and when
+// the first TC is there, of the bundled example or of two tables that are dropped (?tables), and
+// the longest task of the page's own thread until then.
 const $ = (selector) => document.querySelector(selector);
 const post = (path, body) => fetch(path, { method: "POST", body: JSON.stringify(body ?? {}) });
 

@@ -1,4 +1,5 @@
-//! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the machine.
+//! `cargo xtask bench`: a benchmark and its peer by turns, so that both see the same state of the
+//! machine.
 
 mod extract;
 mod page;
@@ -25,11 +26,13 @@ const TRAINED: [&str; 3] = ["basic", "basic-vel-std-bg", "keynet-vel-std-bg"];
 pub enum Subject {
     /// The metric on one thread, against centred moments in numpy.
     Metric,
-    /// Extraction on the CPU with one and two threads, against ONNX Runtime, PyTorch eager and rten; then `page`.
+    /// Extraction on the CPU with one and two threads, against ONNX Runtime, PyTorch eager and
+    /// rten; then `page`.
     Extract,
     /// A training step on all threads, against PyTorch eager.
     Train,
-    /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the time to the first TC.
+    /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the
+    /// time to the first TC.
     Page,
     /// `tracklens report` on synthetic logs of 6 x 24 runs of 500 epochs: time and peak memory.
     Report,
@@ -125,8 +128,8 @@ fn size(workspace: &Workspace) -> Result<()> {
     run::run(cargo.current_dir(workspace.root()))
 }
 
-/// Builds the program, and the example that makes checkpoints, in one go: apart, cargo would compile what both depend on
-/// twice, since only one of them looks at what tests need.
+/// Builds the program, and the example that makes checkpoints, in one go: apart, cargo would
+/// compile what both depend on twice, since only one of them looks at what tests need.
 fn programs(workspace: &Workspace) -> Result<[PathBuf; 2]> {
     let mut cargo = run::cargo();
     cargo.args([
@@ -135,7 +138,11 @@ fn programs(workspace: &Workspace) -> Result<[PathBuf; 2]> {
         "--package=tracklens",
         "--no-default-features",
     ]);
-    cargo.args(["--features=cli", "--bin=tracklens", "--example=random_checkpoint"]);
+    cargo.args([
+        "--features=cli",
+        "--bin=tracklens",
+        "--example=random_checkpoint",
+    ]);
     run::run(cargo.current_dir(workspace.root()))?;
     Ok([
         workspace.binary("tracklens"),
@@ -145,8 +152,9 @@ fn programs(workspace: &Workspace) -> Result<[PathBuf; 2]> {
 
 fn timing(command: &mut Command) -> Result<Timing> {
     let output = run::output(command)?;
-    parsed(&output)
-        .with_context(|| format!("expected a line {{\"name\": .., \"median_ms\": ..}}, got:\n{output}"))
+    parsed(&output).with_context(|| {
+        format!("expected a line {{\"name\": .., \"median_ms\": ..}}, got:\n{output}")
+    })
 }
 
 fn parsed(output: &str) -> Option<Timing> {
@@ -164,7 +172,11 @@ fn comparison(ours: &[Timing], theirs: &[Timing]) -> Result<String> {
         bail!("nothing was timed");
     };
     if first.name != peer.name {
-        bail!("the benchmark timed {:?}, its peer {:?}", first.name, peer.name);
+        bail!(
+            "the benchmark timed {:?}, its peer {:?}",
+            first.name,
+            peer.name
+        );
     }
     let times = |timings: &[Timing]| timings.iter().map(|timing| timing.median_ms).collect();
     let (ours, theirs) = (median(times(ours))?, median(times(theirs))?);
@@ -213,7 +225,10 @@ mod tests {
     #[test]
     fn medians_are_compared() -> Result<()> {
         let line = comparison(&timings(&[1.0, 9.0, 2.0]), &timings(&[8.0, 12.0]))?;
-        assert_eq!(line, "metric: tracklens 2.000 ms, peer 10.000 ms, ratio 5.0");
+        assert_eq!(
+            line,
+            "metric: tracklens 2.000 ms, peer 10.000 ms, ratio 5.0"
+        );
         Ok(())
     }
 

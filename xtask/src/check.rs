@@ -10,7 +10,8 @@ use crate::setup::wasm_toolchain;
 use crate::steps::Steps;
 use crate::workspace::Workspace;
 
-/// Features that have to stand alone, without what the others or the tests' dependencies happen to switch on.
+/// Features that have to stand alone, without what the others or the tests' dependencies happen to
+/// switch on.
 const FEATURES: [&str; 8] = [
     "data",
     "jpeg-webp",
@@ -31,11 +32,13 @@ pub fn run(workspace: &Workspace) -> Result<()> {
     steps.run("formatting", || {
         run(run::cargo().args(["fmt", "--all", "--check"]))
     });
-    // A package at a time: with --workspace, the features of all of them together would have the large
-    // dependencies checked once more.
+    // A package at a time: with --workspace, the features of all of them together would have the
+    // large dependencies checked once more.
     for package in ["xtask", "tracklens-page-tests", "tracklens"] {
         steps.run(format!("clippy: {package}"), || {
-            run(native_clippy(package).arg("--all-targets").args(DENY_WARNINGS))
+            run(native_clippy(package)
+                .arg("--all-targets")
+                .args(DENY_WARNINGS))
         });
     }
     steps.run("clippy: tracklens without features", || {

@@ -1,7 +1,8 @@
 //! `cargo xtask`: set-up, build of the wasm package and of the site, serve, checks and tests.
 //!
-//! Every command prints what it runs, installs what is missing where it may, and otherwise says how to get
-//! it. Any stable Rust from the workspace's `rust-version` on will do, so no toolchain file pins one.
+//! Every command prints what it runs, installs what is missing where it may, and otherwise says how
+//! to get it. Any stable Rust from the workspace's `rust-version` on will do, so no toolchain file
+//! pins one.
 
 mod bench;
 mod check;
@@ -33,15 +34,18 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Install what the build and the tests need and is missing: the wasm target, node, wasm-opt, Mesa's lavapipe.
+    /// Install what the build and the tests need and is missing: the wasm target, node, wasm-opt,
+    /// Mesa's lavapipe.
     Setup {
-        /// Also what the tests of the page need: Chromium, Firefox and their drivers. Firefox's is built, which takes minutes.
+        /// Also what the tests of the page need: Chromium, Firefox and their drivers. Firefox's is
+        /// built, which takes minutes.
         #[arg(long)]
         browsers: bool,
     },
     /// Build the wasm package into pkg/.
     Build {
-        /// Also the part that extracts on WebGPU; with it burn is compiled for wasm, which takes minutes.
+        /// Also the part that extracts on WebGPU; with it burn is compiled for wasm, which takes
+        /// minutes.
         #[arg(long)]
         gpu: bool,
     },
@@ -66,8 +70,9 @@ enum Task {
         #[arg(long)]
         gpu: bool,
     },
-    /// Run every test: unit, doc, golden, command line, npm package, the GPU on Mesa's lavapipe, sweeps on Slurm and GNU
-    /// parallel, the recorder of PandaPush, the page in headless Chromium and Firefox.
+    /// Run every test: unit, doc, golden, command line, npm package, the GPU on Mesa's lavapipe,
+    /// sweeps on Slurm and GNU parallel, the recorder of PandaPush, the page in headless Chromium
+    /// and Firefox.
     Test {
         /// Leave out the tests of the page, which need Chromium, Firefox and their drivers.
         #[arg(long)]

@@ -16,7 +16,8 @@ use crate::run;
 use crate::setup::{NPM_LOCK, WasmOpt, page_libraries, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
-/// The parts of the package, each a WebAssembly module with its script, by the feature that makes it.
+/// The parts of the package, each a WebAssembly module with its script, by the feature that makes
+/// it.
 pub const PARTS: [Part; 5] = [
     Part {
         name: "tracklens_scoring",
@@ -50,7 +51,8 @@ pub const PARTS: [Part; 5] = [
     },
 ];
 
-/// The part that extracts on WebGPU. With it comes burn, which takes minutes to compile, so it is built when asked for.
+/// The part that extracts on WebGPU. With it comes burn, which takes minutes to compile, so it is
+/// built when asked for.
 pub const GPU: Part = Part {
     name: "tracklens_gpu",
     feature: "web-gpu",
@@ -81,7 +83,10 @@ impl Part {
     /// The crate's own level of optimisation, for cargo; that of dependencies is in the profile.
     fn opt_level(&self) -> String {
         let level = if self.fast { "3" } else { "\"s\"" };
-        format!("profile.{}.package.tracklens.opt-level={level}", self.profile)
+        format!(
+            "profile.{}.package.tracklens.opt-level={level}",
+            self.profile
+        )
     }
 
     fn generated(&self) -> [String; 3] {
@@ -91,7 +96,11 @@ impl Part {
 
 /// The files that are built into pkg/.
 pub fn generated() -> Vec<String> {
-    PARTS.iter().chain([&GPU]).flat_map(Part::generated).collect()
+    PARTS
+        .iter()
+        .chain([&GPU])
+        .flat_map(Part::generated)
+        .collect()
 }
 
 /// What cargo builds for wasm, to be completed with features and a profile.
@@ -118,7 +127,8 @@ const WASM_OPT: [&str; 8] = [
     "--enable-simd",
 ];
 
-/// Builds the parts of the package that are not up to date, with or without the one for GPUs, and prints their sizes.
+/// Builds the parts of the package that are not up to date, with or without the one for GPUs, and
+/// prints their sizes.
 ///
 /// # Errors
 /// No toolchain for wasm, or the build fails. A missing wasm-opt is only reported.
@@ -188,8 +198,8 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     Ok(())
 }
 
-/// The files of the built package that a browser loads: scripts and wasm, without node's entry point, with or without
-/// extraction on GPUs.
+/// The files of the built package that a browser loads: scripts and wasm, without node's entry
+/// point, with or without extraction on GPUs.
 ///
 /// # Errors
 /// `package.json` cannot be read or lists no files.
@@ -201,15 +211,23 @@ pub fn for_browsers(package: &Path, gpu: bool) -> Result<Vec<String>> {
         .as_array()
         .with_context(|| format!("{} lists no `files`", manifest.display()))?;
     let files = files.iter().filter_map(Value::as_str);
-    let of_gpu = |file: &str| file == "gpu.js" || GPU.generated().iter().any(|generated| generated == file);
+    let of_gpu =
+        |file: &str| file == "gpu.js" || GPU.generated().iter().any(|generated| generated == file);
     let loaded = files.filter(|file| {
-        (file.ends_with(".js") || file.ends_with(".wasm")) && *file != "node.js" && (gpu || !of_gpu(file))
+        (file.ends_with(".js") || file.ends_with(".wasm"))
+            && *file != "node.js"
+            && (gpu || !of_gpu(file))
     });
     Ok(loaded.map(str::to_owned).collect())
 }
 
 /// Makes the bindings and the optimised file in a temporary folder, then puts them into place.
-fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: &Path) -> Result<()> {
+fn generate(
+    part: &Part,
+    compiled: &Path,
+    optimiser: Option<&WasmOpt>,
+    package: &Path,
+) -> Result<()> {
     let temporary = TempDir::with_prefix_in(".build-", package)
         .with_context(|| format!("cannot make a folder in {}", package.display()))?;
     let folder = temporary.path();
@@ -223,7 +241,12 @@ fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: 
         .remove_name_section(true)
         .remove_producers_section(true)
         .generate(folder)
-        .with_context(|| format!("wasm-bindgen cannot make bindings for {}", compiled.display()))?;
+        .with_context(|| {
+            format!(
+                "wasm-bindgen cannot make bindings for {}",
+                compiled.display()
+            )
+        })?;
     if folder.join("snippets").exists() {
         bail!(
             "the crate or a dependency brings JavaScript of its own (`inline_js` or `module`), \
@@ -234,7 +257,8 @@ fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: 
         let wasm = folder.join(part.wasm());
         let mut command = optimiser.command();
         match part.fast {
-            // What the engine keeps apart has to stay apart: browsers optimise large functions badly.
+            // What the engine keeps apart has to stay apart: browsers optimise large functions
+            // badly.
             true => command.args(["-O3", "--one-caller-inline-max-function-size=100"]),
             false => command.arg("-Oz"),
         };
@@ -249,7 +273,8 @@ fn generate(part: &Part, compiled: &Path, optimiser: Option<&WasmOpt>, package: 
     Ok(())
 }
 
-/// What decides whether a part is up to date: the compiled file, what is done to it, and the files that came out.
+/// What decides whether a part is up to date: the compiled file, what is done to it, and the files
+/// that came out.
 struct Stamp<'a> {
     part: &'a Part,
     hash: Sha256,

@@ -6,8 +6,8 @@ use std::process::{Command, ExitStatus, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-/// A command without the variables by which `cargo run` describes xtask itself: build scripts further down
-/// would take them for a change of their input and build again.
+/// A command without the variables by which `cargo run` describes xtask itself: build scripts
+/// further down would take them for a change of their input and build again.
 pub fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     for (name, _) in env::vars_os() {
@@ -54,7 +54,8 @@ pub fn output(command: &mut Command) -> Result<String> {
         .with_context(|| format!("{} printed something that is not UTF-8", name(command)))
 }
 
-/// Whether a command that only asks something could be run and ended with success; what it prints is dropped.
+/// Whether a command that only asks something could be run and ended with success; what it prints
+/// is dropped.
 pub fn succeeds(command: &mut Command) -> bool {
     announce(command);
     let silenced = command
@@ -136,6 +137,9 @@ mod tests {
     fn a_failing_command_is_named_in_the_error() {
         let missing = run(&mut Command::new("tracklens-no-such-program"));
         let message = missing.map_err(|error| error.to_string());
-        assert_eq!(message, Err("cannot start tracklens-no-such-program".to_owned()));
+        assert_eq!(
+            message,
+            Err("cannot start tracklens-no-such-program".to_owned())
+        );
     }
 }

@@ -34,17 +34,25 @@ pub fn serve(folder: &Path, port: Option<u16>, open_page: bool) -> Result<()> {
 async fn run(listener: TcpListener, root: &Path) -> Result<()> {
     listener.set_nonblocking(true)?;
     let listener = tokio::net::TcpListener::from_std(listener)?;
-    axum::serve(listener, site(root)).await.context("cannot serve")
+    axum::serve(listener, site(root))
+        .await
+        .context("cannot serve")
 }
 
 /// The files below `root`. A site under development changes at any time, so nothing is to be kept.
 fn site(root: &Path) -> Router {
     let header = |name: &'static str, value: &'static str| {
-        SetResponseHeaderLayer::overriding(HeaderName::from_static(name), HeaderValue::from_static(value))
+        SetResponseHeaderLayer::overriding(
+            HeaderName::from_static(name),
+            HeaderValue::from_static(value),
+        )
     };
     Router::new()
         .fallback_service(ServeDir::new(root))
-        .layer(header("cache-control", "no-cache, no-store, must-revalidate"))
+        .layer(header(
+            "cache-control",
+            "no-cache, no-store, must-revalidate",
+        ))
         .layer(header("x-content-type-options", "nosniff"))
 }
 
@@ -67,7 +75,9 @@ fn first_free<T>(ports: std::ops::Range<u16>, bind: impl Fn(u16) -> io::Result<T
         match bind(port) {
             Ok(listener) => return Ok(listener),
             Err(error) if error.kind() == ErrorKind::AddrInUse => eprintln!("port {port} is taken"),
-            Err(error) => return Err(error).with_context(|| format!("cannot listen on port {port}")),
+            Err(error) => {
+                return Err(error).with_context(|| format!("cannot listen on port {port}"));
+            }
         }
     }
     bail!(
@@ -125,14 +135,22 @@ mod tests {
         assert!(page.contains("cache-control: no-cache"), "{page}");
         // Browsers insist on these two, and a page that shows progress needs the length.
         let wasm = exchange("GET /tracklens_bg.wasm")?;
-        assert!(wasm.contains("content-type: application/wasm") && wasm.contains("content-length: 1048576"));
+        assert!(
+            wasm.contains("content-type: application/wasm")
+                && wasm.contains("content-length: 1048576")
+        );
         assert!(exchange("GET /main.js")?.contains("content-type: text/javascript"));
         let head = exchange("HEAD /index.html")?;
         assert!(
             head.contains("content-length: 5\r\n") && head.ends_with("\r\n\r\n"),
             "{head}"
         );
-        for path in ["/missing", "/../secret", "/%2e%2e/secret", "/a/..%2f..%2fsecret"] {
+        for path in [
+            "/missing",
+            "/../secret",
+            "/%2e%2e/secret",
+            "/a/..%2f..%2fsecret",
+        ] {
             let answer = exchange(&format!("GET {path}"))?;
             assert!(
                 answer.starts_with("http/1.1 404 ") || answer.starts_with("http/1.1 400 "),

@@ -1,4 +1,5 @@
-//! `cargo xtask site`: the page and the package it loads, in one folder that any static host serves.
+//! `cargo xtask site`: the page and the package it loads, in one folder that any static host
+//! serves.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -22,14 +23,15 @@ const PLACEHOLDER: &str = r#"const SITE = { version: "", files: {} };"#;
 /// Where each file of the site comes from, by its path in the site with `/` between the parts.
 type Sources = BTreeMap<String, PathBuf>;
 
-/// Writes the site into `out`, with or without extraction on GPUs, or brings one written before up to date: files of the last time that are gone
-/// are removed, files of somebody else stay.
+/// Writes the site into `out`, with or without extraction on GPUs, or brings one written before up
+/// to date: files of the last time that are gone are removed, files of somebody else stay.
 ///
 /// # Errors
-/// `out` holds files but was not made here, or lies in the sources; a source is missing; a file cannot be
-/// written.
+/// `out` holds files but was not made here, or lies in the sources; a source is missing; a file
+/// cannot be written.
 pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
-    let out = std::path::absolute(out).with_context(|| format!("cannot resolve {}", out.display()))?;
+    let out =
+        std::path::absolute(out).with_context(|| format!("cannot resolve {}", out.display()))?;
     let existing = out
         .ancestors()
         .find_map(|folder| folder.canonicalize().ok())
@@ -50,16 +52,21 @@ pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
 
     let mut contents = BTreeMap::new();
     for (name, source) in &sources {
-        let content = fs::read(source).with_context(|| format!("cannot read {}", source.display()))?;
+        let content =
+            fs::read(source).with_context(|| format!("cannot read {}", source.display()))?;
         contents.insert(name.as_str(), content);
     }
     if let Some(worker) = contents.remove(WORKER) {
         let worker = with_files(&worker, &contents)?;
         contents.insert(WORKER, worker);
     }
-    let hashes: BTreeMap<&str, String> = contents.iter().map(|(name, c)| (*name, sha256(c))).collect();
-    let marker =
-        serde_json::to_vec_pretty(&json!({ "tracklens": env!("CARGO_PKG_VERSION"), "files": hashes }))?;
+    let hashes: BTreeMap<&str, String> = contents
+        .iter()
+        .map(|(name, c)| (*name, sha256(c)))
+        .collect();
+    let marker = serde_json::to_vec_pretty(
+        &json!({ "tracklens": env!("CARGO_PKG_VERSION"), "files": hashes }),
+    )?;
 
     for name in before.iter().filter(|name| !sources.contains_key(*name)) {
         let gone = joined(&out, name);
@@ -75,8 +82,8 @@ pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
     Ok(())
 }
 
-/// The service worker with the list of all other files: their hashes, their sizes, and a version that changes with any of
-/// them or with the worker itself.
+/// The service worker with the list of all other files: their hashes, their sizes, and a version
+/// that changes with any of them or with the worker itself.
 fn with_files(worker: &[u8], contents: &BTreeMap<&str, Vec<u8>>) -> Result<Vec<u8>> {
     let worker = std::str::from_utf8(worker).with_context(|| format!("{WORKER} is not UTF-8"))?;
     let file = |content: &Vec<u8>| json!({ "hash": sha256(content), "bytes": content.len() });
@@ -174,7 +181,8 @@ fn joined(folder: &Path, name: &str) -> PathBuf {
         .fold(folder.to_owned(), |path, part| path.join(part))
 }
 
-/// Writes a file at once and only if its content is another one, so that its time says when it changed.
+/// Writes a file at once and only if its content is another one, so that its time says when it
+/// changed.
 fn put(file: &Path, content: &[u8]) -> Result<()> {
     if fs::read(file).is_ok_and(|last| last == content) {
         return Ok(());
@@ -194,7 +202,8 @@ fn put(file: &Path, content: &[u8]) -> Result<()> {
 #[cfg(unix)]
 fn readable_by_all(file: &NamedTempFile) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
-    file.as_file().set_permissions(fs::Permissions::from_mode(0o644))
+    file.as_file()
+        .set_permissions(fs::Permissions::from_mode(0o644))
 }
 
 #[cfg(not(unix))]
@@ -305,7 +314,10 @@ mod tests {
         let out = folder.path().join("out");
         let workspace = workspace(folder.path())?;
         let worker = workspace.web().join(WORKER);
-        put(&worker, format!("// why\n{PLACEHOLDER}\nserve(SITE);").as_bytes())?;
+        put(
+            &worker,
+            format!("// why\n{PLACEHOLDER}\nserve(SITE);").as_bytes(),
+        )?;
         let site = || -> Result<(Value, String)> {
             write(&workspace, &out, false)?;
             let text = fs::read_to_string(out.join(WORKER))?;
@@ -313,7 +325,10 @@ mod tests {
             let json = line
                 .strip_prefix("const SITE = ")
                 .and_then(|rest| rest.strip_suffix(';'));
-            Ok((serde_json::from_str(json.context("no list of files")?)?, text))
+            Ok((
+                serde_json::from_str(json.context("no list of files")?)?,
+                text,
+            ))
         };
         let (first, text) = site()?;
         assert!(text.starts_with("// why\n") && text.ends_with("\nserve(SITE);"));
@@ -343,7 +358,8 @@ mod tests {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
         put(&out.join("thesis.tex"), b"")?;
-        let error = write(&workspace(folder.path())?, &out, false).map_err(|error| error.to_string());
+        let error =
+            write(&workspace(folder.path())?, &out, false).map_err(|error| error.to_string());
         assert!(error.is_err_and(|message| message.contains("did not put there")));
         assert_eq!(files(&out)?, ["thesis.tex"]);
         Ok(())

@@ -36,7 +36,11 @@ impl Steps {
     }
 
     /// Runs a step, prints its error if it fails, and returns what it made if it passes.
-    pub fn run<T>(&mut self, name: impl Into<String>, step: impl FnOnce() -> Result<T>) -> Option<T> {
+    pub fn run<T>(
+        &mut self,
+        name: impl Into<String>,
+        step: impl FnOnce() -> Result<T>,
+    ) -> Option<T> {
         let name = name.into();
         eprintln!("\n== {name}");
         let started = Instant::now();
@@ -63,7 +67,11 @@ impl Steps {
     }
 
     fn record(&mut self, name: String, outcome: Outcome, time: Duration) {
-        self.done.push(Step { name, outcome, time });
+        self.done.push(Step {
+            name,
+            outcome,
+            time,
+        });
     }
 
     /// Prints the summary.
@@ -72,7 +80,11 @@ impl Steps {
     /// A step failed or could not be run.
     pub fn finish(self) -> Result<()> {
         eprintln!("\n== summary\n{self}");
-        let failed = self.done.iter().filter(|step| step.outcome.is_failure()).count();
+        let failed = self
+            .done
+            .iter()
+            .filter(|step| step.outcome.is_failure())
+            .count();
         if failed > 0 {
             bail!("{failed} of {} steps did not pass", self.done.len());
         }
@@ -124,7 +136,10 @@ mod tests {
     #[test]
     fn a_failed_step_does_not_stop_the_next_one_but_fails_the_whole() {
         let mut steps = Steps::new();
-        assert_eq!(steps.run("first", || -> Result<i32> { bail!("broken") }), None);
+        assert_eq!(
+            steps.run("first", || -> Result<i32> { bail!("broken") }),
+            None
+        );
         assert_eq!(steps.run("second", || Ok(2)), Some(2));
         let error = steps.finish().map_err(|error| error.to_string());
         assert_eq!(error, Err("1 of 2 steps did not pass".to_owned()));

@@ -36,8 +36,11 @@ pub fn run(workspace: &Workspace, page_gpu: bool, skipped: &Skipped) -> Result<(
         })
     };
     let package = steps.run("wasm package", || package::build(workspace, page_gpu));
-    let site =
-        package.and_then(|()| steps.run("site", || site::write(workspace, &workspace.site(), page_gpu)));
+    let site = package.and_then(|()| {
+        steps.run("site", || {
+            site::write(workspace, &workspace.site(), page_gpu)
+        })
+    });
 
     steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
     steps.run("metric alone", || {
@@ -118,8 +121,9 @@ fn recorder_python(workspace: &Workspace) -> Result<PathBuf> {
     )
 }
 
-/// Records two sequences, which the tests then find by their environment. With this seed the first episode is
-/// solved at once, so that its sequence is dropped. The curriculum of the example runs through on them, in its short form.
+/// Records two sequences, which the tests then find by their environment. With this seed the first
+/// episode is solved at once, so that its sequence is dropped. The curriculum of the example runs
+/// through on them, in its short form.
 fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     let folder = tempfile::tempdir().context("no folder for the recording")?;
     let recording = folder.path().join("recording");
@@ -131,7 +135,12 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     run::run(&mut record)?;
     let mut cargo = run::cargo();
     cargo
-        .args(["test", "--release", "--package=tracklens", "--test=recorder"])
+        .args([
+            "test",
+            "--release",
+            "--package=tracklens",
+            "--test=recorder",
+        ])
         .env("TRACKLENS_RECORDED", &recording);
     run::run(cargo.current_dir(workspace.root()))?;
     // The tests have built the binary.
@@ -188,7 +197,8 @@ fn build_binary(workspace: &Workspace) -> Result<()> {
 /// The files are named one by one: what node makes of a folder changed between its versions.
 fn npm_tests(workspace: &Workspace) -> Result<()> {
     let folder = workspace.root().join("tests/npm");
-    let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let entries =
+        fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let is_test = |path: &PathBuf| {
         let path = path.to_string_lossy();
         path.ends_with(".test.mjs") || path.ends_with(".test.js")
@@ -211,7 +221,8 @@ fn npm_tests(workspace: &Workspace) -> Result<()> {
     )
 }
 
-/// The tests find the built site, the native binary, whose results they compare, and their tools by their environment.
+/// The tests find the built site, the native binary, whose results they compare, and their tools by
+/// their environment.
 fn page_tests(workspace: &Workspace, geckodriver: &Path, axe: &Path) -> Result<()> {
     build_binary(workspace)?;
     let mut cargo = run::cargo();

@@ -17,7 +17,8 @@ impl Workspace {
     /// Asks cargo, so that `CARGO_TARGET_DIR` and cargo's configuration count.
     pub fn locate() -> Result<Self> {
         let json = run::output(run::cargo().args(["metadata", "--no-deps", "--format-version=1"]))?;
-        let metadata: Value = serde_json::from_str(&json).context("cargo metadata printed no JSON")?;
+        let metadata: Value =
+            serde_json::from_str(&json).context("cargo metadata printed no JSON")?;
         let folder = |key: &str| {
             let path = metadata[key].as_str().map(PathBuf::from);
             path.with_context(|| format!("cargo metadata names no {key}"))

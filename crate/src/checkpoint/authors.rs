@@ -15,17 +15,20 @@ pub(super) struct Said {
 }
 
 impl Said {
-    /// Reads the configuration, tolerant of everything that is missing or something else than expected: it comes from
-    /// a script that people change.
+    /// Reads the configuration, tolerant of everything that is missing or something else than
+    /// expected: it comes from a script that people change.
     pub fn read(cfg: &Value) -> Self {
         let number = |path: &str| cfg.pointer(path).and_then(Value::as_f64);
         let decoder = |name: &str| number(&format!("/model/decoder/settings/{name}"));
-        let target_size = match cfg.pointer("/dataset/target_shape").and_then(Value::as_array) {
+        let target_size = match cfg
+            .pointer("/dataset/target_shape")
+            .and_then(Value::as_array)
+        {
             // Channels, height, width.
             Some(shape) => match shape.iter().map(Value::as_u64).collect::<Vec<_>>()[..] {
-                [Some(_), Some(height), Some(width)] => {
-                    usize::try_from(width).ok().zip(usize::try_from(height).ok())
-                }
+                [Some(_), Some(height), Some(width)] => usize::try_from(width)
+                    .ok()
+                    .zip(usize::try_from(height).ok()),
                 _ => None,
             },
             None => None,

@@ -12,20 +12,22 @@ pub struct SaeConfig {
     pub architecture: Architecture,
     /// The number of keypoints N.
     pub keypoints: usize,
-    /// Output channels of the encoder: a count a block for Basic (32, 64, 128) and KeyNet (32, 64, 128, 256), a count
-    /// a convolution for DSAE (64, 32), whose third one makes the N maps.
+    /// Output channels of the encoder: a count a block for Basic (32, 64, 128) and KeyNet (32, 64,
+    /// 128, 256), a count a convolution for DSAE (64, 32), whose third one makes the N maps.
     pub encoder_channels: Vec<usize>,
-    /// Kernel sizes of the encoder: one a block for Basic (3, 3, 3), one a convolution for DSAE (7, 5, 5), the first
-    /// and all others for KeyNet (7, 3).
+    /// Kernel sizes of the encoder: one a block for Basic (3, 3, 3), one a convolution for DSAE (7,
+    /// 5, 5), the first and all others for KeyNet (7, 3).
     #[serde(default = "three_by_three")]
     pub encoder_kernels: Vec<usize>,
-    /// Output channels of the decoder: a count a convolution for Basic (64, 32, 16), a count a block for KeyNet (256,
-    /// 128, 64), none for DSAE.
+    /// Output channels of the decoder: a count a convolution for Basic (64, 32, 16), a count a
+    /// block for KeyNet (256, 128, 64), none for DSAE.
     pub decoder_channels: Vec<usize>,
-    /// Kernel sizes of the decoder: one a convolution for Basic (3, 3, 3), one for all for KeyNet (3), none for DSAE.
+    /// Kernel sizes of the decoder: one a convolution for Basic (3, 3, 3), one for all for KeyNet
+    /// (3), none for DSAE.
     #[serde(default = "three_by_three")]
     pub decoder_kernels: Vec<usize>,
-    /// Width and height that frames are resized to before the encoder; `None` takes them as they are.
+    /// Width and height that frames are resized to before the encoder; `None` takes them as they
+    /// are.
     pub input_size: Option<[usize; 2]>,
     /// Width and height of the reconstruction.
     pub target_size: [usize; 2],
@@ -37,10 +39,12 @@ pub struct SaeConfig {
     pub trained_temperature: bool,
     /// The (initial) standard deviation of the decoder's Gaussian maps, in latent units.
     pub sigma: f64,
-    /// Whether every keypoint has a standard deviation of its own; it makes a difference only where they are trained.
+    /// Whether every keypoint has a standard deviation of its own; it makes a difference only where
+    /// they are trained.
     #[serde(default)]
     pub sigma_per_keypoint: bool,
-    /// The number of standard deviations beyond which the Gaussian maps are 0; `None` leaves them unlimited.
+    /// The number of standard deviations beyond which the Gaussian maps are 0; `None` leaves them
+    /// unlimited.
     #[serde(default)]
     pub sigma_limit: Option<f64>,
 }
@@ -66,8 +70,8 @@ pub enum Family {
     Basic,
     /// Deep spatial autoencoder (Finn et al. 2016): three convolutions; one dense layer.
     Dsae,
-    /// KeyNet (Jakab and Gupta et al. 2018): four blocks of two convolutions; Gaussian maps and three blocks with
-    /// upsampling between them.
+    /// KeyNet (Jakab and Gupta et al. 2018): four blocks of two convolutions; Gaussian maps and
+    /// three blocks with upsampling between them.
     KeyNet,
 }
 
@@ -117,9 +121,9 @@ impl SaeConfig {
         }
     }
 
-    /// The paper's configuration of the architecture with this name: `basic`, `dsae` or `keynet`, then `-kpN` for
-    /// another number of keypoints than the family's, then `-vel`, `-std`, `-bg`: `basic-kp32`,
-    /// `keynet-vel-std-bg`.
+    /// The paper's configuration of the architecture with this name: `basic`, `dsae` or `keynet`,
+    /// then `-kpN` for another number of keypoints than the family's, then `-vel`, `-std`, `-bg`:
+    /// `basic-kp32`, `keynet-vel-std-bg`.
     ///
     /// # Errors
     /// When there is no such architecture.
@@ -141,7 +145,8 @@ impl SaeConfig {
         Ok(config)
     }
 
-    /// The name that [`SaeConfig::named`] takes. It tells family, modifications and keypoints, not the other sizes.
+    /// The name that [`SaeConfig::named`] takes. It tells family, modifications and keypoints, not
+    /// the other sizes.
     pub fn name(&self) -> String {
         let name = self.architecture.to_string();
         if self.keypoints == self.architecture.family.default_keypoints() {
@@ -182,9 +187,20 @@ impl SaeConfig {
         within("keypoints", self.keypoints, 1, 4096)?;
         list("encoder channels", &self.encoder_channels, channels, 8192)?;
         list("encoder kernel sizes", &self.encoder_kernels, kernels, 31)?;
-        list("decoder channels", &self.decoder_channels, decoder_channels, 8192)?;
-        list("decoder kernel sizes", &self.decoder_kernels, decoder_kernels, 31)?;
-        // DSAE pads nothing; the others pad half a kernel on either side, which keeps the size for odd ones only.
+        list(
+            "decoder channels",
+            &self.decoder_channels,
+            decoder_channels,
+            8192,
+        )?;
+        list(
+            "decoder kernel sizes",
+            &self.decoder_kernels,
+            decoder_kernels,
+            31,
+        )?;
+        // DSAE pads nothing; the others pad half a kernel on either side, which keeps the size for
+        // odd ones only.
         let padded = self.decoder_kernels.iter().chain(match family {
             Family::Dsae => [].iter(),
             _ => self.encoder_kernels.iter(),
@@ -260,8 +276,8 @@ impl Architecture {
         background: false,
     };
 
-    /// The paper's weight of the velocity loss: 0.1 with `-vel` and for DSAE, otherwise 0 (appendix,
-    /// "Modifications"; the authors' configuration of DSAE).
+    /// The paper's weight of the velocity loss: 0.1 with `-vel` and for DSAE, otherwise 0
+    /// (appendix, "Modifications"; the authors' configuration of DSAE).
     pub fn velocity_weight(self) -> f64 {
         if self.velocity { 0.1 } else { 0.0 }
     }

@@ -4,7 +4,8 @@ use super::SaeConfig;
 
 /// Where the cells of the last feature map lie in the image.
 ///
-/// The latent coordinates -1 and +1 are the centres of its border cells, which are not the edges of the image.
+/// The latent coordinates -1 and +1 are the centres of its border cells, which are not the edges of
+/// the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatentGrid {
     ndc_from_latent: [[f64; 2]; 2],
@@ -23,7 +24,9 @@ impl LatentGrid {
 impl SaeConfig {
     /// Where latent points lie in an image of `[width, height]`.
     pub fn latent_grid(&self, image_size: [u32; 2]) -> LatentGrid {
-        let input = self.input_size.unwrap_or(image_size.map(|side| side as usize));
+        let input = self
+            .input_size
+            .unwrap_or(image_size.map(|side| side as usize));
         let layers = self.encoder_layers();
         let [first, step] = self.cell_positions();
         let ndc_from_latent = input.map(|side| {
@@ -33,7 +36,10 @@ impl SaeConfig {
             }
             let last = first + step * (cells - 1) as f64;
             let ndc = |pixel: f64| (2.0 * pixel + 1.0) / side as f64 - 1.0;
-            [(ndc(last) - ndc(first)) / 2.0, (ndc(last) + ndc(first)) / 2.0]
+            [
+                (ndc(last) - ndc(first)) / 2.0,
+                (ndc(last) + ndc(first)) / 2.0,
+            ]
         });
         LatentGrid { ndc_from_latent }
     }

@@ -10,9 +10,10 @@ use crate::error::{Error, Result};
 impl SaeConfig {
     /// The configuration that a state dict of the authors' SAEs has.
     ///
-    /// What names and shapes do not tell is as the authors' configuration says, else the paper's value: `-vel` (a loss,
-    /// it leaves no tensor) is off but for DSAE, sigma and temperature are 0.1 and 1 unless trained, the target is 64 x
-    /// 64 unless a background bias or a dense decoder gives it.
+    /// What names and shapes do not tell is as the authors' configuration says, else the paper's
+    /// value: `-vel` (a loss, it leaves no tensor) is off but for DSAE, sigma and temperature are
+    /// 0.1 and 1 unless trained, the target is 64 x 64 unless a background bias or a dense decoder
+    /// gives it.
     pub(super) fn infer(tensors: &BTreeMap<String, Tensor>, said: &Said) -> Result<Self> {
         let shape = |name: &str| -> Result<[usize; 4]> {
             let found = tensors.get(name).ok_or_else(|| {
@@ -45,7 +46,10 @@ impl SaeConfig {
         let has_decoder = tensors.keys().any(|name| name.starts_with("decoder."));
         // (channels, kernel) of one convolution a block or layer.
         let list = |names: &[String]| -> Result<(Vec<usize>, Vec<usize>)> {
-            let shapes = names.iter().map(|name| shape(name)).collect::<Result<Vec<_>>>()?;
+            let shapes = names
+                .iter()
+                .map(|name| shape(name))
+                .collect::<Result<Vec<_>>>()?;
             Ok(shapes.iter().map(|s| (s[0], s[3])).unzip())
         };
         let numbered = |prefix: &str, suffix: &str, count: usize| -> Vec<String> {
@@ -65,7 +69,8 @@ impl SaeConfig {
                 }
             }
             Family::Dsae => {
-                (config.encoder_channels, config.encoder_kernels) = list(&numbered("encoder.conv", "", 3))?;
+                (config.encoder_channels, config.encoder_kernels) =
+                    list(&numbered("encoder.conv", "", 3))?;
                 config.keypoints = config.encoder_channels.pop().unwrap_or_default();
             }
             Family::KeyNet => {
@@ -81,7 +86,9 @@ impl SaeConfig {
             }
         }
         config.trained_temperature = has(TEMPERATURE);
-        config.sigma_per_keypoint = tensors.get(SIGMA).is_some_and(|sigma| sigma.shape.len() == 3);
+        config.sigma_per_keypoint = tensors
+            .get(SIGMA)
+            .is_some_and(|sigma| sigma.shape.len() == 3);
         config.temperature = said.temperature.unwrap_or(config.temperature);
         config.sigma = said.sigma.unwrap_or(config.sigma);
         config.sigma_limit = said.sigma_limit;
@@ -90,7 +97,8 @@ impl SaeConfig {
         config.target_size = match (background, dense, said.target_size) {
             (Some([_, height, width]), _, _) => [*width, *height],
             (_, Some(bias), Some([width, height]))
-                if width.checked_mul(height).and_then(|n| n.checked_mul(3)) == Some(bias.data.len()) =>
+                if width.checked_mul(height).and_then(|n| n.checked_mul(3))
+                    == Some(bias.data.len()) =>
             {
                 [width, height]
             }

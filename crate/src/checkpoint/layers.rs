@@ -1,15 +1,18 @@
-//! The layers of an SAE: what [`SaeConfig`] stands for, written down once for everything that runs or stores it.
+//! The layers of an SAE: what [`SaeConfig`] stands for, written down once for everything that runs
+//! or stores it.
 
 use super::{Family, SaeConfig};
 
 /// A convolution with what comes before and after it.
 ///
-/// In this order: upsampling, convolution with zero padding, pooling, batch norm with ReLU (else a bias and no ReLU).
+/// In this order: upsampling, convolution with zero padding, pooling, batch norm with ReLU (else a
+/// bias and no ReLU).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConvLayer {
     /// Name of the convolution in the state dict, e.g. `encoder.block1.conv1`.
     pub name: String,
-    /// Name of the batch norm, e.g. `encoder.block1.bn1`, after which comes a ReLU. A convolution without one has a bias.
+    /// Name of the batch norm, e.g. `encoder.block1.bn1`, after which comes a ReLU. A convolution
+    /// without one has a bias.
     pub norm: Option<String>,
     /// Input channels.
     pub inputs: usize,
@@ -23,8 +26,8 @@ pub struct ConvLayer {
     pub padding: usize,
     /// Whether the input is made twice as large by bilinear interpolation (corners not aligned).
     pub upsample: bool,
-    /// Whether the result goes through a 2 x 2 max-pool with stride 2 and a border that never wins, one cell wide:
-    /// H / 2 + 1 rows out of H.
+    /// Whether the result goes through a 2 x 2 max-pool with stride 2 and a border that never wins,
+    /// one cell wide: H / 2 + 1 rows out of H.
     pub pool: bool,
 }
 
@@ -53,15 +56,16 @@ impl ConvLayer {
         }
     }
 
-    /// The side of what the convolution makes of an input with this side, before a pool; `None` when the kernel does not
-    /// fit.
+    /// The side of what the convolution makes of an input with this side, before a pool; `None`
+    /// when the kernel does not fit.
     pub fn convolved_side(&self, side: usize) -> Option<usize> {
         let side = if self.upsample { 2 * side } else { side };
         let room = (side + 2 * self.padding).checked_sub(self.kernel)?;
         Some(room / self.stride + 1)
     }
 
-    /// The side of what the layer makes of an input with this side; `None` when the kernel does not fit.
+    /// The side of what the layer makes of an input with this side; `None` when the kernel does not
+    /// fit.
     pub fn output_side(&self, side: usize) -> Option<usize> {
         let side = self.convolved_side(side)?;
         Some(if self.pool { side / 2 + 1 } else { side })
@@ -113,7 +117,13 @@ impl SaeConfig {
                     let first = i == 0;
                     layers.push(ConvLayer {
                         stride: if first { 1 } else { 2 },
-                        ..ConvLayer::block(&module, 1, inputs, outputs, kernels[usize::from(!first)])
+                        ..ConvLayer::block(
+                            &module,
+                            1,
+                            inputs,
+                            outputs,
+                            kernels[usize::from(!first)],
+                        )
                     });
                     layers.push(ConvLayer::block(&module, 2, outputs, outputs, kernels[1]));
                     inputs = outputs;
@@ -124,8 +134,8 @@ impl SaeConfig {
         layers
     }
 
-    /// The numbers of the encoder's largest tensor for an input of `[width, height]`: the input itself, or what a
-    /// convolution makes before its pool.
+    /// The numbers of the encoder's largest tensor for an input of `[width, height]`: the input
+    /// itself, or what a convolution makes before its pool.
     pub fn largest_maps(&self, size: [usize; 2]) -> usize {
         let mut largest = 3 * size[0] * size[1];
         let mut sides = Some(size);
@@ -133,7 +143,8 @@ impl SaeConfig {
             let side = |of: fn(&ConvLayer, usize) -> Option<usize>, [w, h]: [usize; 2]| {
                 Some([of(&layer, w)?, of(&layer, h)?])
             };
-            let Some([width, height]) = sides.and_then(|s| side(ConvLayer::convolved_side, s)) else {
+            let Some([width, height]) = sides.and_then(|s| side(ConvLayer::convolved_side, s))
+            else {
                 break;
             };
             largest = largest.max(layer.outputs * width * height);
@@ -142,8 +153,8 @@ impl SaeConfig {
         largest
     }
 
-    /// Where the cells of the encoder's last feature map lie in its input: the pixel of the first one's centre and the
-    /// pixels from one to the next, along both axes.
+    /// Where the cells of the encoder's last feature map lie in its input: the pixel of the first
+    /// one's centre and the pixels from one to the next, along both axes.
     pub fn cell_positions(&self) -> [f64; 2] {
         let (mut first, mut step) = (0.0, 1.0);
         for layer in self.encoder_layers() {
@@ -208,7 +219,10 @@ impl SaeConfig {
                     kernel,
                     ..
                 } = layer;
-                push(format!("{name}.weight"), vec![outputs, inputs, kernel, kernel]);
+                push(
+                    format!("{name}.weight"),
+                    vec![outputs, inputs, kernel, kernel],
+                );
                 match layer.norm {
                     None => push(format!("{name}.bias"), vec![outputs]),
                     Some(norm) => {

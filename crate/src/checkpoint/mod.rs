@@ -1,9 +1,10 @@
 //! Checkpoints: the weights of an SAE with its configuration, independent of what runs them.
 //!
 //! A checkpoint is a file whose tensors carry the names of the authors' PyTorch state dict
-//! (`encoder.block1.conv1.weight`), in one of three containers: `.safetensors`, PyTorch's `.pth`, burn's `.bpk`. Files
-//! written here hold the [`SaeConfig`] as JSON under the metadata key `tracklens.config`; for files without it the
-//! configuration is inferred from names and shapes, and from the authors' `cfg` where it says more.
+//! (`encoder.block1.conv1.weight`), in one of three containers: `.safetensors`, PyTorch's `.pth`,
+//! burn's `.bpk`. Files written here hold the [`SaeConfig`] as JSON under the metadata key
+//! `tracklens.config`; for files without it the configuration is inferred from names and shapes,
+//! and from the authors' `cfg` where it says more.
 
 mod authors;
 mod config;

@@ -52,7 +52,8 @@ pub struct Training {
     pub velocity_weight: Option<f64>,
     /// Standard deviation of the noise on the encoder's input.
     pub noise: Option<f64>,
-    /// The seed: of everything for a training of `tracklens`, of the split for one of the authors' code.
+    /// The seed: of everything for a training of `tracklens`, of the split for one of the authors'
+    /// code.
     pub seed: Option<u64>,
 }
 

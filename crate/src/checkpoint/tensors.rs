@@ -43,8 +43,8 @@ impl Checkpoint {
     /// Reads a checkpoint of any [`Format`], which its first bytes tell.
     ///
     /// # Errors
-    /// When the bytes are no complete file of a known format, when a tensor is missing, has another shape or a value
-    /// that is not finite, or when the file holds another architecture.
+    /// When the bytes are no complete file of a known format, when a tensor is missing, has another
+    /// shape or a value that is not finite, or when the file holds another architecture.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         // The tensors are at least as large as what they are read from, but for doubles.
         memory::check(

@@ -47,7 +47,11 @@ pub(super) struct ExportArguments {
 }
 
 pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
-    let extension = arguments.to.extension().unwrap_or_default().to_string_lossy();
+    let extension = arguments
+        .to
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy();
     let format = Format::from_extension(&extension).ok_or_else(|| {
         Error::input(format!(
             "the ending `.{extension}` names no format to convert to; expected .safetensors, .pth or .bpk"
@@ -124,7 +128,13 @@ fn print_table(
     }: &Inspection,
 ) -> Result<()> {
     let config = &summary.config;
-    let list = |values: &[usize]| values.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let list = |values: &[usize]| {
+        values
+            .iter()
+            .map(usize::to_string)
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
     let size = |[width, height]: [usize; 2]| format!("{width} x {height}");
     let mut table = comfy_table::Table::new();
     table.load_preset(NOTHING);
@@ -196,14 +206,22 @@ fn print_table(
     );
     row(
         "epoch",
-        summary.epoch.map_or_else(String::new, |epoch| epoch.to_string()),
+        summary
+            .epoch
+            .map_or_else(String::new, |epoch| epoch.to_string()),
     );
     let training = &summary.training;
     let numbers = [
         ("epochs", training.epochs.map(|v| v.to_string())),
         ("batch", training.batch.map(|v| v.to_string())),
-        ("learning rate", training.learning_rate.map(|v| v.to_string())),
-        ("velocity weight", training.velocity_weight.map(|v| v.to_string())),
+        (
+            "learning rate",
+            training.learning_rate.map(|v| v.to_string()),
+        ),
+        (
+            "velocity weight",
+            training.velocity_weight.map(|v| v.to_string()),
+        ),
         ("noise", training.noise.map(|v| v.to_string())),
         ("seed", training.seed.map(|v| v.to_string())),
     ];

@@ -25,9 +25,11 @@ const SHOWN: usize = 10;
 
 #[derive(Debug, Subcommand)]
 pub(super) enum DataCommand {
-    /// Say what a data set holds: sequences, sizes, ground truth, what does not fit. Decodes every frame.
+    /// Say what a data set holds: sequences, sizes, ground truth, what does not fit. Decodes every
+    /// frame.
     Inspect(InspectArguments),
-    /// Write a data set as a folder of PNG images with ground_truth.csv, or as an NPZ recording (OUT ends in .npz).
+    /// Write a data set as a folder of PNG images with ground_truth.csv, or as an NPZ recording
+    /// (OUT ends in .npz).
     Convert(ConvertArguments),
 }
 
@@ -71,7 +73,8 @@ pub(super) fn run(command: &DataCommand) -> Result<()> {
     }
 }
 
-/// Does something with every frame, neighbours together, and gives the results in order, block by block.
+/// Does something with every frame, neighbours together, and gives the results in order, block by
+/// block.
 fn for_blocks<T: Send>(
     what: &str,
     frames: usize,
@@ -233,7 +236,10 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
         ObjectInspection {
             name: name.clone(),
             visible: seen.len(),
-            outside: seen.iter().filter(|p| p.iter().any(|v| v.abs() > 1.0)).count(),
+            outside: seen
+                .iter()
+                .filter(|p| p.iter().any(|v| v.abs() > 1.0))
+                .count(),
             x: range(0),
             y: range(1),
         }
@@ -271,9 +277,13 @@ fn print_inspection(found: &Inspection) -> Result<()> {
         return Ok(());
     };
     let mut table = comfy_table::Table::new();
-    table
-        .load_preset(UTF8_HORIZONTAL_ONLY)
-        .set_header(["object", "visible", "outside the image", "x", "y"]);
+    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header([
+        "object",
+        "visible",
+        "outside the image",
+        "x",
+        "y",
+    ]);
     let range = |range: Option<[f64; 2]>| match range {
         Some([low, high]) => format!("{low:.3} to {high:.3}"),
         None => "–".to_owned(),
@@ -340,7 +350,10 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
         quiet: common.quiet,
         cancel: cancel_on_interrupt()?,
     };
-    match out.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")) {
+    match out
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
+    {
         true => job.write_npz()?,
         false => job.write_folder()?,
     }
@@ -352,7 +365,8 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
     Ok(())
 }
 
-/// The ground truth of exactly the frames `keys`, NaN where a frame has no row; says what did not join.
+/// The ground truth of exactly the frames `keys`, NaN where a frame has no row; says what did not
+/// join.
 fn aligned(truth: &GroundTruth, keys: &[FrameKey]) -> Result<GroundTruth> {
     let join = join(keys, truth.keys())?;
     for rule in &join.rules {
@@ -433,8 +447,11 @@ impl Job<'_> {
             |block| block.into_iter().collect(),
         )?;
         if let Some(truth) = &self.truth {
-            fs::write(folder.path().join("ground_truth.csv"), ground_truth_csv(truth))
-                .map_err(|e| self.failed(&e))?;
+            fs::write(
+                folder.path().join("ground_truth.csv"),
+                ground_truth_csv(truth),
+            )
+            .map_err(|e| self.failed(&e))?;
         }
         #[cfg(unix)]
         {
@@ -474,7 +491,13 @@ impl Job<'_> {
         let floats = self.frames.has_floats();
         let file = tempfile::NamedTempFile::new_in(self.parent).map_err(|e| self.failed(&e))?;
         let mut npz = NpzWriter::new(BufWriter::new(file));
-        let shape = [sequences.len(), length, size[1] as usize, size[0] as usize, 3];
+        let shape = [
+            sequences.len(),
+            length,
+            size[1] as usize,
+            size[0] as usize,
+            3,
+        ];
         let placed = |e: Error| e.at(self.out.display());
         npz.array("images", if floats { "<f4" } else { "|u1" }, &shape)
             .map_err(placed)?;

@@ -36,7 +36,8 @@ const STANDARD_OUTPUT: &str = "-";
 pub(super) struct ExtractArguments {
     #[command(flatten)]
     source: SourceArguments,
-    /// Where to write the keypoints: CSV with the columns sequence,frame,keypoint,x,y; `-` for the standard output
+    /// Where to write the keypoints: CSV with the columns sequence,frame,keypoint,x,y; `-` for the
+    /// standard output
     #[arg(long, value_name = "KP.csv")]
     out: PathBuf,
 }
@@ -45,8 +46,9 @@ pub(super) struct ExtractArguments {
 pub(super) struct EvalArguments {
     #[command(flatten)]
     source: SourceArguments,
-    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down); default:
-    /// ground_truth.csv in the folder of the frames, or the points of the recording
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the
+    /// image, y down); default: ground_truth.csv in the folder of the frames, or the points of the
+    /// recording
     #[arg(long, value_name = "GT.csv")]
     truth: Option<PathBuf>,
     /// Also write the keypoints to this file
@@ -72,7 +74,8 @@ struct SourceArguments {
     /// Weights of the encoder: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
-    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz, .hdf5)
+    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz,
+    /// .hdf5)
     #[arg(long, value_name = "PATH")]
     frames: PathBuf,
     #[command(flatten)]
@@ -120,9 +123,12 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     arguments.scoring.check()?;
     let source = &arguments.source;
     let frames = source.reading.open(&source.frames)?;
-    let truth = source
-        .reading
-        .need(arguments.truth.as_deref(), &source.frames, &*frames, "scoring")?;
+    let truth = source.reading.need(
+        arguments.truth.as_deref(),
+        &source.frames,
+        &*frames,
+        "scoring",
+    )?;
     if let Some(path) = &arguments.keypoints_out {
         atomic::check(path)?;
     }
@@ -191,13 +197,16 @@ impl SourceArguments {
             .zip(&found)
             .filter_map(|(key, found)| Some((key.clone(), found.as_ref().ok()?)))
             .unzip();
-        let points = Array3::from_shape_fn((good.len(), checkpoint.config.keypoints, 2), |(t, n, axis)| {
-            f64::from(good[t].points[n][axis])
-        });
+        let points = Array3::from_shape_fn(
+            (good.len(), checkpoint.config.keypoints, 2),
+            |(t, n, axis)| f64::from(good[t].points[n][axis]),
+        );
         let size = good.first().map(|g| g.image_size);
         let same = good.iter().all(|g| Some(g.image_size) == size);
         if !same && checkpoint.config.input_size.is_none() {
-            eprintln!("note: the frames are of different sizes and the checkpoint names no input size");
+            eprintln!(
+                "note: the frames are of different sizes and the checkpoint names no input size"
+            );
         }
         Ok(Extracted {
             track: KeypointTrack::new(keys, points)?,
@@ -275,7 +284,8 @@ pub(super) fn show(bar: &ProgressBar, event: &Event) {
     match event {
         Event::Started { what, total } => {
             let template = "{msg} {wide_bar} {pos}/{len} ({speed}, {eta} left)";
-            let style = ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
+            let style =
+                ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
             let speed = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
                 // Nothing can be done when the terminal's line takes no text.
                 let _ = write!(out, "{:.1}/s", state.per_sec());

@@ -9,8 +9,9 @@ use clap::Args;
 
 use crate::checkpoint::Checkpoint;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table, TableOptions,
-    parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table,
+    TableOptions, parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
+    read_hdf5_ground_truth,
 };
 use crate::error::{Error, ErrorKind, Result};
 use crate::memory;
@@ -65,20 +66,22 @@ pub(super) struct TruthArguments {
     /// Only these objects of the ground truth, in this order (e.g. cube,target,eef); default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     objects: Vec<String>,
-    /// Unit of the ground truth's positions: ndc (-1 to +1 across the image) or px; default: px for DeepLabCut and COCO,
-    /// otherwise ndc
+    /// Unit of the ground truth's positions: ndc (-1 to +1 across the image) or px; default: px for
+    /// DeepLabCut and COCO, otherwise ndc
     #[arg(long, value_name = "SPACE")]
     space: Option<Space>,
     /// Number of the first frame in the ground truth; default: 0
     #[arg(long, value_name = "N")]
     index_base: Option<u64>,
-    /// Size of the images in pixels, for positions and errors in pixels; default: that of the frames, where there are any
+    /// Size of the images in pixels, for positions and errors in pixels; default: that of the
+    /// frames, where there are any
     #[arg(long, value_name = "WxH", value_parser = super::score::parse_size)]
     pub image_size: Option<[u32; 2]>,
 }
 
 impl TruthArguments {
-    /// The ground truth of `truth`, or the one that lies with the frames at `path`; None where there is none.
+    /// The ground truth of `truth`, or the one that lies with the frames at `path`; None where
+    /// there is none.
     pub fn find(
         &self,
         truth: Option<&Path>,
@@ -132,7 +135,11 @@ impl TruthArguments {
         self.read_sized(path, || None)
     }
 
-    fn read_sized(&self, path: &Path, size: impl FnOnce() -> Option<[u32; 2]>) -> Result<GroundTruth> {
+    fn read_sized(
+        &self,
+        path: &Path,
+        size: impl FnOnce() -> Option<[u32; 2]>,
+    ) -> Result<GroundTruth> {
         let options = TableOptions {
             image_size: self.image_size.or_else(size),
             ..self.options()
@@ -270,7 +277,11 @@ impl Folder {
         let own = folder
             .canonicalize()
             .map_err(|e| Error::io(folder.display(), &e))?;
-        let own = own.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let own = own
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         let relative = |path: &PathBuf| {
             let below = path.strip_prefix(folder).unwrap_or(path);
             let parts = below.iter().map(|part| part.to_string_lossy().into_owned());
@@ -286,8 +297,14 @@ impl Folder {
 
     /// The files that are neither images nor the ground truth.
     fn ignored(&self) -> Vec<&Path> {
-        let paths = self.index.ignored().iter().map(|i| self.paths[*i].as_path());
-        paths.filter(|path| !path.ends_with("ground_truth.csv")).collect()
+        let paths = self
+            .index
+            .ignored()
+            .iter()
+            .map(|i| self.paths[*i].as_path());
+        paths
+            .filter(|path| !path.ends_with("ground_truth.csv"))
+            .collect()
     }
 }
 

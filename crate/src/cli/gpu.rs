@@ -13,8 +13,8 @@ use crate::track::FrameKey;
 /// Frames that go through the encoder together.
 const BATCH: usize = 16;
 
-/// Extracts every frame; the results are in order. The threads of the current pool read and resize a batch while the GPU
-/// computes the one before.
+/// Extracts every frame; the results are in order. The threads of the current pool read and resize
+/// a batch while the GPU computes the one before.
 pub(super) fn extract_all(
     extractor: &DeviceExtractor,
     frames: &dyn FrameSource,
@@ -40,7 +40,8 @@ pub(super) fn extract_all(
         cancel.check()?;
         let now = batch(found.len());
         let next = batch(now.end);
-        let (computed, following) = rayon::join(|| run(extractor, prepared, &keys[now]), || prepare(next));
+        let (computed, following) =
+            rayon::join(|| run(extractor, prepared, &keys[now]), || prepare(next));
         found.extend(computed?);
         prepared = following;
         report(Event::Progress {

@@ -1,7 +1,7 @@
 //! The terminal face: parse arguments, read files, call, show.
 
-/// Writes a line to standard output, and returns when that fails. Whoever read it may have had enough, as `head` does:
-/// then nothing is written any more, and nothing is wrong.
+/// Writes a line to standard output, and returns when that fails. Whoever read it may have had
+/// enough, as `head` does: then nothing is written any more, and nothing is wrong.
 macro_rules! say {
     ($($arguments:tt)*) => {
         $crate::cli::write_line(format_args!($($arguments)*))?
@@ -35,12 +35,15 @@ use crate::error::{Error, ErrorKind, Result};
 
 fn write_line(line: fmt::Arguments<'_>) -> Result<()> {
     match writeln!(std::io::stdout(), "{line}") {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::io("standard output", &e)),
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::io("standard output", &e))
+        }
         _ => Ok(()),
     }
 }
 
-/// Do the keypoints track the objects? Scores keypoint detectors with tracking errors and Tracking Capability.
+/// Do the keypoints track the objects? Scores keypoint detectors with tracking errors and Tracking
+/// Capability.
 #[derive(Debug, Parser)]
 #[command(name = "tracklens", version, about, after_help = EXIT_CODES)]
 struct Arguments {

@@ -31,13 +31,14 @@ impl Painter {
     /// # Errors
     /// When it is no SVG document.
     pub fn png(&self, svg: &str) -> Result<Vec<u8>> {
-        let failed =
-            |e: &dyn std::fmt::Display| Error::input(format!("a figure cannot be drawn as PNG: {e}"));
+        let failed = |e: &dyn std::fmt::Display| {
+            Error::input(format!("a figure cannot be drawn as PNG: {e}"))
+        };
         let tree = resvg::usvg::Tree::from_str(svg, &self.options).map_err(|e| failed(&e))?;
         let size = tree.size().to_int_size();
         let [width, height] = [size.width(), size.height()].map(|side| side * PNG_SCALE as u32);
-        let mut image =
-            resvg::tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed(&"it has no size"))?;
+        let mut image = resvg::tiny_skia::Pixmap::new(width, height)
+            .ok_or_else(|| failed(&"it has no size"))?;
         let scale = resvg::tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE);
         resvg::render(&tree, scale, &mut image.as_mut());
         image.encode_png().map_err(|e| failed(&e))

@@ -14,8 +14,8 @@ use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::metric::default_threshold;
 use crate::report::{
-    Grouping, Reference, ReferenceReport, Run, RunFiles, Runs, RunsReport, Unread, errors_csv, figures,
-    runs_csv, runs_markdown, runs_page,
+    Grouping, Reference, ReferenceReport, Run, RunFiles, Runs, RunsReport, Unread, errors_csv,
+    figures, runs_csv, runs_markdown, runs_page,
 };
 use crate::train::{CONFIG, LOG, SUMMARY};
 
@@ -32,12 +32,12 @@ pub(super) struct ReportArguments {
     /// Folder to write the tables and figures into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube 0.015, target 0.015,
-    /// eef 0.1, others 0.015
+    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
+    /// 0.015, target 0.015, eef 0.1, others 0.015
     #[arg(long = "threshold", value_name = "NAME=VALUE", value_parser = parse_threshold)]
     thresholds: Vec<(String, f64)>,
-    /// What the runs of a group have in common: settings (all but the seed), architecture, name (of the folder above the
-    /// runs), or one setting by its name in config.json
+    /// What the runs of a group have in common: settings (all but the seed), architecture, name (of
+    /// the folder above the runs), or one setting by its name in config.json
     #[arg(long, value_name = "WHAT", default_value = "settings")]
     group_by: Grouping,
     /// Draws of the runs for the intervals
@@ -49,14 +49,16 @@ pub(super) struct ReportArguments {
     /// Published numbers to set beside these (TOML, e.g. sweeps/paper-results.toml)
     #[arg(long, value_name = "FILE.toml")]
     reference: Option<PathBuf>,
-    /// The data set of the runs, for trajectories on its frames: a folder of image sequences or a recording
+    /// The data set of the runs, for trajectories on its frames: a folder of image sequences or a
+    /// recording
     #[arg(long, value_name = "DATA")]
     frames: Option<PathBuf>,
-    /// Ground truth of the frames; default: ground_truth.csv in their folder, or the points of the recording
+    /// Ground truth of the frames; default: ground_truth.csv in their folder, or the points of the
+    /// recording
     #[arg(long, value_name = "GT.csv", requires = "frames")]
     truth: Option<PathBuf>,
-    /// Sequences whose trajectories are drawn; default: those four of the run's validation sequences in which the objects
-    /// move furthest
+    /// Sequences whose trajectories are drawn; default: those four of the run's validation
+    /// sequences in which the objects move furthest
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "frames")]
     sequences: Vec<String>,
     #[command(flatten)]
@@ -78,7 +80,11 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     folders.sort();
     folders.dedup();
     // Before the long work.
-    let reference = arguments.reference.as_deref().map(read_reference).transpose()?;
+    let reference = arguments
+        .reference
+        .as_deref()
+        .map(read_reference)
+        .transpose()?;
     let mut unread = Vec::new();
     let mut runs = Vec::new();
     for folder in &folders {
@@ -115,10 +121,12 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     let mut figures = figures(&runs, &report)?;
     if let Some(path) = &arguments.frames {
         let frames = arguments.reading.open(path)?;
-        let truth =
-            arguments
-                .reading
-                .need(arguments.truth.as_deref(), path, &*frames, "drawing trajectories")?;
+        let truth = arguments.reading.need(
+            arguments.truth.as_deref(),
+            path,
+            &*frames,
+            "drawing trajectories",
+        )?;
         figures.extend(trajectories::figures(
             &runs,
             &*frames,
@@ -127,12 +135,16 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
         )?);
     }
 
-    // Everything is made before anything is written, and the page that shows it all is written last.
+    // Everything is made before anything is written, and the page that shows it all is written
+    // last.
     let painter = Painter::new();
     let mut written: Vec<(String, Vec<u8>)> = Vec::new();
     for figure in &figures {
         written.push((format!("{}.png", figure.name), painter.png(&figure.svg)?));
-        written.push((format!("{}.svg", figure.name), figure.svg.clone().into_bytes()));
+        written.push((
+            format!("{}.svg", figure.name),
+            figure.svg.clone().into_bytes(),
+        ));
     }
     let json = serde_json::to_vec_pretty(&report).map_err(|e| Error::input(e.to_string()))?;
     written.extend([
@@ -176,7 +188,10 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
 
 /// Run folders in `folder`, or itself.
 fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<()> {
-    if [CONFIG, ERROR].iter().any(|name| folder.join(name).is_file()) {
+    if [CONFIG, ERROR]
+        .iter()
+        .any(|name| folder.join(name).is_file())
+    {
         found.push(folder.to_owned());
         return Ok(());
     }
@@ -203,7 +218,8 @@ fn read(folder: &Path) -> Result<std::result::Result<Run, Unread>> {
             Err(e) => Err(Error::io(path.display(), &e)),
         }
     };
-    let [config, log, summary, error] = [bytes(CONFIG)?, bytes(LOG)?, bytes(SUMMARY)?, bytes(ERROR)?];
+    let [config, log, summary, error] =
+        [bytes(CONFIG)?, bytes(LOG)?, bytes(SUMMARY)?, bytes(ERROR)?];
     let files = RunFiles {
         config: config.as_deref(),
         log: log.as_deref(),
@@ -215,8 +231,9 @@ fn read(folder: &Path) -> Result<std::result::Result<Run, Unread>> {
 
 fn read_reference(path: &Path) -> Result<Reference> {
     let bytes = files::read(path)?;
-    let wrong =
-        |e: &dyn std::fmt::Display| Error::input(e.to_string().trim_end().to_owned()).at(path.display());
+    let wrong = |e: &dyn std::fmt::Display| {
+        Error::input(e.to_string().trim_end().to_owned()).at(path.display())
+    };
     let text = std::str::from_utf8(&bytes).map_err(|e| wrong(&e))?;
     toml::from_str(text).map_err(|e| wrong(&e))
 }

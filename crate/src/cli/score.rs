@@ -14,19 +14,21 @@ use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::{
-    ContextReport, EvaluationReport, JoinReport, Request, evaluation_figures, evaluation_page, shell_line,
+    ContextReport, EvaluationReport, JoinReport, Request, evaluation_figures, evaluation_page,
+    shell_line,
 };
 use crate::scoring::Scoring;
 use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArguments {
-    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the image, y down) or with two
-    /// columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO keypoints (JSON), or a recording (.npz, .hdf5)
+    /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the
+    /// image, y down) or with two columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO
+    /// keypoints (JSON), or a recording (.npz, .hdf5)
     #[arg(long, value_name = "GT.csv")]
     truth: PathBuf,
-    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0), another of these tables, or
-    /// an NPZ file
+    /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0),
+    /// another of these tables, or an NPZ file
     #[arg(long, value_name = "KP.csv")]
     keypoints: PathBuf,
     /// Unit of the keypoints: ndc or px; default: px for DeepLabCut and COCO, otherwise ndc
@@ -51,11 +53,12 @@ pub(super) struct ScoringArguments {
     /// The map fitted between a keypoint and an object: affine, scale-translate or identity
     #[arg(long, default_value = "affine")]
     transform: Transform,
-    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube 0.015,
-    /// target 0.015, eef 0.1, others 0.015
+    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
+    /// 0.015, target 0.015, eef 0.1, others 0.015
     #[arg(long = "threshold", value_name = "NAME=VALUE", value_parser = parse_threshold)]
     thresholds: Vec<(String, f64)>,
-    /// When a direction counts as no motion: reference (as the authors' code) or centred (in any unit)
+    /// When a direction counts as no motion: reference (as the authors' code) or centred (in any
+    /// unit)
     #[arg(long, default_value = "reference")]
     rank: Rank,
     /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
@@ -73,8 +76,8 @@ pub(super) struct ScoringArguments {
     /// Also give the error of every object by sequence, the worst one first
     #[arg(long)]
     sequences: bool,
-    /// Also give what others measure: linear regression from all keypoints with PCK (Jakab et al.), precision and recall of
-    /// a min-cost assignment (Kulkarni et al.)
+    /// Also give what others measure: linear regression from all keypoints with PCK (Jakab et al.),
+    /// precision and recall of a min-cost assignment (Kulkarni et al.)
     #[arg(long)]
     context: bool,
     /// Also write everything as one HTML file
@@ -198,8 +201,9 @@ impl ScoringArguments {
                 eprintln!("warning: {warning}");
             }
         } else if self.json || !std::io::stdout().is_terminal() {
-            let json = serde_json::to_string_pretty(&report)
-                .map_err(|e| Error::input(format!("the evaluation cannot be written as JSON: {e}")))?;
+            let json = serde_json::to_string_pretty(&report).map_err(|e| {
+                Error::input(format!("the evaluation cannot be written as JSON: {e}"))
+            })?;
             say!("{json}");
         } else {
             print_table(&report)?;
@@ -279,7 +283,9 @@ fn print_table(report: &EvaluationReport) -> Result<()> {
     if let Some(intervals) = &report.intervals {
         let range = |name: &str, [low, high]: [f64; 2]| format!("{name} {low:.5} to {high:.5}");
         let errors = intervals.objects.iter();
-        let errors: Vec<String> = errors.filter_map(|o| Some(range(&o.name, o.error?))).collect();
+        let errors: Vec<String> = errors
+            .filter_map(|o| Some(range(&o.name, o.error?)))
+            .collect();
         say!(
             "95 % intervals over sequences of these errors, fitted and scored on the same frames ({} resamples): {}; {}",
             intervals.resamples,
@@ -336,10 +342,17 @@ fn print_context(context: &ContextReport) -> Result<()> {
     for row in &context.regression {
         say!(
             "linear regression from all keypoints, {}, of {}: error {}; PCK {}",
-            if row.held_out { "held out" } else { "same frames" },
+            if row.held_out {
+                "held out"
+            } else {
+                "same frames"
+            },
             row.object,
-            row.error.map_or_else(|| "–".to_owned(), |e| format!("{e:.5}")),
-            row.pck.as_ref().map_or_else(|| "–".to_owned(), |pck| shares(pck))
+            row.error
+                .map_or_else(|| "–".to_owned(), |e| format!("{e:.5}")),
+            row.pck
+                .as_ref()
+                .map_or_else(|| "–".to_owned(), |pck| shares(pck))
         );
     }
     for row in &context.assignment {

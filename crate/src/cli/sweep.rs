@@ -15,7 +15,9 @@ use super::extract::cancel_on_interrupt;
 use super::train::{self, TrainArguments};
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
-use crate::sweep::{Plan, PlannedRun, RunPlace, Setting, SettingKind, State, Submission, SweepFile, script};
+use crate::sweep::{
+    Plan, PlannedRun, RunPlace, Setting, SettingKind, State, Submission, SweepFile, script,
+};
 
 const PLAN: &str = "plan.jsonl";
 const SUBMISSION: &str = "submission.json";
@@ -31,9 +33,11 @@ const PATHS: [&str; 3] = ["truth", "first-layer", "weights"];
 
 #[derive(Debug, Subcommand)]
 pub(super) enum SweepCommand {
-    /// Write the plan of a sweep, a line a run: every architecture with every variant and every seed.
+    /// Write the plan of a sweep, a line a run: every architecture with every variant and every
+    /// seed.
     Plan(PlanArguments),
-    /// Train the runs of a plan here, or one of them; complete runs are skipped, started ones go on.
+    /// Train the runs of a plan here, or one of them; complete runs are skipped, started ones go
+    /// on.
     Run(RunArguments),
     /// Say which runs are done, running, failed, stopped or missing.
     Status(StatusArguments),
@@ -203,7 +207,8 @@ fn plan(arguments: &PlanArguments) -> Result<()> {
     // Jobs run elsewhere than here, so that every path is absolute.
     let file = std::path::absolute(&arguments.file).map_err(failed)?;
     let folder = file.parent().unwrap_or(Path::new("/"));
-    let sweep = SweepFile::parse(&text, folder, &settings()).map_err(|e| e.at(arguments.file.display()))?;
+    let sweep =
+        SweepFile::parse(&text, folder, &settings()).map_err(|e| e.at(arguments.file.display()))?;
     if !sweep.data.exists() {
         return Err(Error::new(
             ErrorKind::Io,
@@ -276,7 +281,9 @@ fn holder() -> String {
 
 fn run_line(arguments: &RunArguments, line: usize) -> Result<()> {
     let (plan, folder) = open(&arguments.sweep)?;
-    let run = plan.line(line).map_err(|e| e.at(folder.join(PLAN).display()))?;
+    let run = plan
+        .line(line)
+        .map_err(|e| e.at(folder.join(PLAN).display()))?;
     let place = RunPlace::new(&folder, &run.run);
     let Some(claim) = place.claim(epochs(run)?, &holder())? else {
         eprintln!("{} is complete", run.run);
@@ -317,7 +324,8 @@ struct Job<'a> {
 
 /// How often the logs of running trainings are looked at.
 const LOOK: Duration = Duration::from_millis(200);
-/// How long trainings may take to end by themselves after Ctrl-C. Killing them loses the epoch at work, nothing else.
+/// How long trainings may take to end by themselves after Ctrl-C. Killing them loses the epoch at
+/// work, nothing else.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn run_all(arguments: &RunArguments) -> Result<()> {
@@ -332,7 +340,9 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
     for (i, run) in plan.runs.iter().enumerate() {
         match RunPlace::new(&folder, &run.run).state(epochs(run)?)? {
             State::Done => complete += 1,
-            State::Running { holder, .. } => elsewhere.push(format!("{}: {holder} works on it", run.run)),
+            State::Running { holder, .. } => {
+                elsewhere.push(format!("{}: {holder} works on it", run.run))
+            }
             _ => waiting.push_back((i + 1, run)),
         }
     }
@@ -341,8 +351,9 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
     if arguments.quiet {
         bars.set_draw_target(indicatif::ProgressDrawTarget::hidden());
     }
-    let style =
-        |template: &str| ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
+    let style = |template: &str| {
+        ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar())
+    };
     let overall = bars.add(ProgressBar::new(plan.runs.len() as u64));
     overall.set_style(style("runs {wide_bar} {pos}/{len} ({elapsed})"));
     overall.set_position(complete);
@@ -377,10 +388,15 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
         let mut still = Vec::new();
         for mut job in jobs {
             job.bar.set_position(job.place.epochs());
-            let ended = job.process.try_wait().map_err(|e| Error::io(&job.run.run, &e))?;
+            let ended = job
+                .process
+                .try_wait()
+                .map_err(|e| Error::io(&job.run.run, &e))?;
             let Some(status) = ended else {
                 if asked_to_stop.is_some_and(|when| when.elapsed() > PATIENCE) {
-                    job.process.kill().map_err(|e| Error::io(&job.run.run, &e))?;
+                    job.process
+                        .kill()
+                        .map_err(|e| Error::io(&job.run.run, &e))?;
                 }
                 still.push(job);
                 continue;
@@ -417,18 +433,29 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
     if !failed.is_empty() {
         return Err(Error::new(
             ErrorKind::Numeric,
-            format!("{} of {total} runs failed: {}", failed.len(), failed.join(", ")),
+            format!(
+                "{} of {total} runs failed: {}",
+                failed.len(),
+                failed.join(", ")
+            ),
         ));
     }
     Ok(())
 }
 
-/// What a run said on its standard error. It lies beside the run's folder, as it is there before the folder is.
+/// What a run said on its standard error. It lies beside the run's folder, as it is there before
+/// the folder is.
 fn said(place: &RunPlace) -> PathBuf {
     place.finished.with_extension("stderr.txt")
 }
 
-fn start(program: &Path, folder: &Path, place: &RunPlace, line: usize, threads: usize) -> Result<Child> {
+fn start(
+    program: &Path,
+    folder: &Path,
+    place: &RunPlace,
+    line: usize,
+    threads: usize,
+) -> Result<Child> {
     let path = said(place);
     let failed = |e: std::io::Error| Error::io(path.display(), &e);
     let parent = path.parent().unwrap_or(folder);
@@ -519,17 +546,21 @@ fn status(arguments: &StatusArguments) -> Result<()> {
     }
     let path = folder.join(SUBMISSION);
     let submission = fs::read(&path).map_err(|_| {
-        Error::input("was not submitted before; use `tracklens sweep submit`").at(arguments.sweep.display())
+        Error::input("was not submitted before; use `tracklens sweep submit`")
+            .at(arguments.sweep.display())
     })?;
-    let submission: Submission =
-        serde_json::from_slice(&submission).map_err(|e| Error::input(e.to_string()).at(path.display()))?;
+    let submission: Submission = serde_json::from_slice(&submission)
+        .map_err(|e| Error::input(e.to_string()).at(path.display()))?;
     let ended = |state: &State| matches!(state, State::Failed { .. } | State::Stopped { .. });
     sbatch(&submission, &lines(&states, ended), &folder, false)
 }
 
 /// The lines, counted from 1, of the runs in a state.
 fn lines(states: &[(u32, State)], wanted: impl Fn(&State) -> bool) -> Vec<usize> {
-    let found = states.iter().enumerate().filter(|(_, (_, state))| wanted(state));
+    let found = states
+        .iter()
+        .enumerate()
+        .filter(|(_, (_, state))| wanted(state));
     found.map(|(i, _)| i + 1).collect()
 }
 
@@ -564,7 +595,10 @@ fn sbatch(submission: &Submission, lines: &[usize], folder: &Path, dry_run: bool
     let logs = folder.join("slurm");
     fs::create_dir_all(&logs).map_err(|e| Error::io(logs.display(), &e))?;
     let path = folder.join(SCRIPT);
-    atomic::write(&path, script(submission, lines, folder, &program)?.as_bytes())?;
+    atomic::write(
+        &path,
+        script(submission, lines, folder, &program)?.as_bytes(),
+    )?;
     if dry_run {
         eprintln!("{} runs in {}, not submitted", lines.len(), path.display());
         return Ok(());
@@ -602,14 +636,19 @@ fn export(arguments: &ExportArguments) -> Result<()> {
     let program = std::env::current_exe().map_err(|e| Error::io("tracklens", &e))?;
     let quote = |path: &Path| -> Result<String> {
         let text = path.to_string_lossy();
-        let quoted = shlex::try_quote(&text).map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
+        let quoted = shlex::try_quote(&text)
+            .map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
         Ok(quoted.into_owned())
     };
     let (program, sweep, threads) = (quote(&program)?, quote(&folder)?, arguments.threads);
-    let command =
-        |line: &usize| format!("{program} sweep run {sweep} --line {line} --threads {threads} --quiet\n");
+    let command = |line: &usize| {
+        format!("{program} sweep run {sweep} --line {line} --threads {threads} --quiet\n")
+    };
     let path = folder.join(COMMANDS);
-    atomic::write(&path, left.iter().map(command).collect::<String>().as_bytes())?;
+    atomic::write(
+        &path,
+        left.iter().map(command).collect::<String>().as_bytes(),
+    )?;
     eprintln!(
         "{} runs; start them with: parallel --jobs N < {}",
         left.len(),

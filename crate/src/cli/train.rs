@@ -24,20 +24,22 @@ use crate::train::{
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
-    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz, .hdf5)
+    /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz,
+    /// .hdf5)
     #[arg(long, value_name = "PATH")]
     data: PathBuf,
-    /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder, or the points of the
-    /// recording
+    /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder, or
+    /// the points of the recording
     #[arg(long, value_name = "GT.csv")]
     truth: Option<PathBuf>,
     #[command(flatten)]
     reading: TruthArguments,
-    /// Memory for decoded frames, e.g. 512MiB or 16GiB; what does not fit is decoded again whenever it is needed
+    /// Memory for decoded frames, e.g. 512MiB or 16GiB; what does not fit is decoded again whenever
+    /// it is needed
     #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes)]
     cache: u64,
-    /// Architecture: basic, basic-kp32, dsae, keynet; basic and keynet with any of -vel, -std, -bg (e.g.
-    /// keynet-vel-std-bg)
+    /// Architecture: basic, basic-kp32, dsae, keynet; basic and keynet with any of -vel, -std, -bg
+    /// (e.g. keynet-vel-std-bg)
     #[arg(long, value_name = "NAME", default_value = "basic", value_parser = architecture_named)]
     arch: SaeConfig,
     /// Run folder to write; must not hold a run yet, unless it is resumed
@@ -58,32 +60,38 @@ pub(super) struct TrainArguments {
     /// Standard deviation of the noise on the input
     #[arg(long, default_value_t = 1e-3)]
     noise: f32,
-    /// Shares of the sequences for training and validation (the rest stays unseen), or `reference`: the authors'
-    /// numpy split into half, quarter and quarter (`reference:SEED` for another numpy seed than 0)
+    /// Shares of the sequences for training and validation (the rest stays unseen), or `reference`:
+    /// the authors' numpy split into half, quarter and quarter (`reference:SEED` for another numpy
+    /// seed than 0)
     #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25")]
     split: Split,
     /// Weight of the velocity loss; default: 0.1 with -vel and for dsae, otherwise 0
     #[arg(long, value_name = "WEIGHT")]
     velocity_weight: Option<f64>,
-    /// Also train and validate on the snippets that do not fill a batch; the authors' code leaves them out
+    /// Also train and validate on the snippets that do not fill a batch; the authors' code leaves
+    /// them out
     #[arg(long)]
     keep_last: bool,
-    /// Frames of the validation sequences for the metric: `first` of every snippet, as in the authors' code, or `all`
+    /// Frames of the validation sequences for the metric: `first` of every snippet, as in the
+    /// authors' code, or `all`
     #[arg(long, value_name = "WHICH", default_value = "first", value_parser = named::<ValidationFrames>)]
     validation_frames: ValidationFrames,
-    /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or `bilinear-antialias`
+    /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or
+    /// `bilinear-antialias`
     #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
     target_filter: TargetFilter,
-    /// What the background of -bg starts from: `zero`, as in the paper, or the `mean` of the training targets, which small
-    /// networks need to find small objects
+    /// What the background of -bg starts from: `zero`, as in the paper, or the `mean` of the
+    /// training targets, which small networks need to find small objects
     #[arg(long, value_name = "START", default_value = "zero", value_parser = named::<BackgroundStart>)]
     background: BackgroundStart,
-    /// Start from the first convolution of a trained network (.safetensors, .pth, .bpk), as the authors' DSAE starts from that
-    /// of torchvision's DenseNet-201; default: drawn as the other layers
+    /// Start from the first convolution of a trained network (.safetensors, .pth, .bpk), as the
+    /// authors' DSAE starts from that of torchvision's DenseNet-201; default: drawn as the other
+    /// layers
     #[arg(long, value_name = "WEIGHTS")]
     first_layer: Option<PathBuf>,
-    /// Start from all weights of a checkpoint with encoder and decoder (.safetensors, .pth, .bpk) of the same architecture
-    /// and sizes, e.g. of a run on other recordings; default: drawn from the seed
+    /// Start from all weights of a checkpoint with encoder and decoder (.safetensors, .pth, .bpk)
+    /// of the same architecture and sizes, e.g. of a run on other recordings; default: drawn from
+    /// the seed
     #[arg(long, value_name = "CHECKPOINT", conflicts_with_all = ["first_layer", "background"])]
     weights: Option<PathBuf>,
     /// Also write a TensorBoard event file into the run folder
@@ -120,7 +128,8 @@ struct SizeArguments {
     /// Output channels of the encoder: basic 32,64,128; dsae 64,32; keynet 32,64,128,256
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     encoder_channels: Option<Vec<usize>>,
-    /// Kernel sizes of the encoder: basic 3,3,3 (one a block); dsae 7,5,5; keynet 7,3 (the first, all others)
+    /// Kernel sizes of the encoder: basic 3,3,3 (one a block); dsae 7,5,5; keynet 7,3 (the first,
+    /// all others)
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     encoder_kernels: Option<Vec<usize>>,
     /// Output channels of the decoder: basic 64,32,16; keynet 256,128,64
@@ -155,8 +164,9 @@ struct SizeArguments {
 impl SizeArguments {
     fn apply(&self, to: &SaeConfig) -> SaeConfig {
         let square = |side: usize| [side, side];
-        let list =
-            |given: &Option<Vec<usize>>, default: &Vec<usize>| given.as_ref().unwrap_or(default).clone();
+        let list = |given: &Option<Vec<usize>>, default: &Vec<usize>| {
+            given.as_ref().unwrap_or(default).clone()
+        };
         SaeConfig {
             architecture: to.architecture,
             keypoints: self.keypoints.unwrap_or(to.keypoints),

@@ -18,7 +18,8 @@ const LARGEST: u32 = 440;
 /// The weights that the errors of the last epoch belong to.
 const CHECKPOINT: &str = "checkpoint_final.safetensors";
 
-/// A figure a group, of the run in its middle. Groups whose run has no weights or no maps are said and left out.
+/// A figure a group, of the run in its middle. Groups whose run has no weights or no maps are said
+/// and left out.
 pub(super) fn figures(
     runs: &Runs,
     frames: &dyn FrameSource,
@@ -53,8 +54,8 @@ pub(super) fn figures(
     Ok(figures)
 }
 
-/// The complete run whose errors, each over its threshold, have the median sum (the lower one of two): neither the best nor
-/// the worst.
+/// The complete run whose errors, each over its threshold, have the median sum (the lower one of
+/// two): neither the best nor the worst.
 fn middle<'a>(group: &'a Group, objects: &[(String, f64)]) -> Option<&'a Run> {
     let sum = |run: &Run| -> f64 {
         let errors = objects
@@ -88,7 +89,9 @@ fn figure(
         .filter(|object| object.map.is_some() && object.best_keypoint.is_some())
         .collect();
     if fits.is_empty() {
-        return Err(Error::numeric("no object is visible in its validation sequences").at(&run.name));
+        return Err(
+            Error::numeric("no object is visible in its validation sequences").at(&run.name),
+        );
     }
     let columns: Vec<usize> = fits
         .iter()
@@ -115,7 +118,11 @@ fn figure(
             .filter_map(|name| all.iter().find(|range| range.name == *name))
             .collect(),
         true => {
-            let validation: BTreeSet<&str> = config.validation_sequences.iter().map(String::as_str).collect();
+            let validation: BTreeSet<&str> = config
+                .validation_sequences
+                .iter()
+                .map(String::as_str)
+                .collect();
             let mut own: Vec<&SequenceRange> = all
                 .iter()
                 .filter(|range| validation.contains(range.name.as_str()))
@@ -127,14 +134,19 @@ fn figure(
                 .at(&run.name));
             }
             let motion = |range: &SequenceRange| motion(range, &rows, truth, &columns);
-            own.sort_by(|a, b| motion(b).total_cmp(&motion(a)).then_with(|| a.name.cmp(&b.name)));
+            own.sort_by(|a, b| {
+                motion(b)
+                    .total_cmp(&motion(a))
+                    .then_with(|| a.name.cmp(&b.name))
+            });
             own.truncate(SHOWN);
             own
         }
     };
 
     let path = FilePath::new(&run.name).join(CHECKPOINT);
-    let encoder = Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
+    let encoder =
+        Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
     let mut extractor = CpuExtractor::new(encoder);
     let mut scenes = Vec::new();
     for range in chosen {
@@ -154,8 +166,14 @@ fn figure(
         .iter()
         .map(|fit| {
             let keypoint = fit.best_keypoint.unwrap_or_default();
-            let error = fit.error.map_or_else(String::new, |e| format!("error {e:.4}"));
-            let verdict = if fit.tracked { "tracked" } else { "not tracked" };
+            let error = fit
+                .error
+                .map_or_else(String::new, |e| format!("error {e:.4}"));
+            let verdict = if fit.tracked {
+                "tracked"
+            } else {
+                "not tracked"
+            };
             (
                 fit.name.clone(),
                 format!("keypoint {keypoint}\n{error}\n{verdict}"),
@@ -171,7 +189,9 @@ fn figure(
     };
     let of = match group.complete().count() {
         1 => "its one run".to_owned(),
-        n => format!("the run in the middle of {n}, by the sum of its errors over their thresholds"),
+        n => {
+            format!("the run in the middle of {n}, by the sum of its errors over their thresholds")
+        }
     };
     let caption = format!(
         "Trajectories of {}{seed}, {of}, on {which}: objects white, best keypoints red, and blue under the map that was \
@@ -197,7 +217,12 @@ fn rows(frames: &dyn FrameSource, truth: &GroundTruth) -> Result<Vec<Option<usiz
 }
 
 /// How far the objects move in a sequence, in ndc: the lengths of their paths, added up.
-fn motion(range: &SequenceRange, rows: &[Option<usize>], truth: &GroundTruth, columns: &[usize]) -> f64 {
+fn motion(
+    range: &SequenceRange,
+    rows: &[Option<usize>],
+    truth: &GroundTruth,
+    columns: &[usize],
+) -> f64 {
     let seen: Vec<usize> = (range.start..range.start + range.length)
         .filter_map(|t| rows[t])
         .collect();
@@ -248,7 +273,8 @@ fn scene(
         }
         shown.get_or_insert(frame);
     }
-    let frame = shown.ok_or_else(|| Error::input(format!("sequence {} has no frame", range.name)))?;
+    let frame =
+        shown.ok_or_else(|| Error::input(format!("sequence {} has no frame", range.name)))?;
     let small = shrunk(frame)?;
     Ok(Scene {
         title: range.name.clone(),

@@ -22,7 +22,8 @@ pub const MAX_RATIO: u64 = 400;
 /// Entries of at most so many bytes unpacked may be packed however well.
 pub const RATIO_FROM: u64 = 64 << 20;
 
-/// The largest directory of an archive, in bytes; more than [`MAX_ENTRIES`] entries with long names need.
+/// The largest directory of an archive, in bytes; more than [`MAX_ENTRIES`] entries with long names
+/// need.
 const MAX_DIRECTORY: u64 = 64 << 20;
 
 /// Bytes from the end that hold the whole directory of most archives.
@@ -78,15 +79,15 @@ impl ReaderAt for &Tail<'_> {
 }
 
 impl ArchiveIndex {
-    /// Reads the directory of an archive of `size` bytes from the last ones, `tail`. [`TAIL`] bytes are enough for most;
-    /// otherwise the answer is how many more are needed.
+    /// Reads the directory of an archive of `size` bytes from the last ones, `tail`. [`TAIL`] bytes
+    /// are enough for most; otherwise the answer is how many more are needed.
     ///
-    /// An entry that cannot be unpacked (encrypted, packed by another method than DEFLATE, or beyond [`MAX_ENTRY`] or
-    /// [`MAX_RATIO`]) is listed with its problem.
+    /// An entry that cannot be unpacked (encrypted, packed by another method than DEFLATE, or
+    /// beyond [`MAX_ENTRY`] or [`MAX_RATIO`]) is listed with its problem.
     ///
     /// # Errors
-    /// When the directory is missing or damaged, has more than [`MAX_ENTRIES`] entries, or entries share bytes of the
-    /// archive, which is how small archives unpack to enormous ones.
+    /// When the directory is missing or damaged, has more than [`MAX_ENTRIES`] entries, or entries
+    /// share bytes of the archive, which is how small archives unpack to enormous ones.
     pub fn read(tail: &[u8], size: u64) -> Result<Self> {
         let tail = Tail {
             bytes: tail,
@@ -103,11 +104,12 @@ impl ArchiveIndex {
             None => Err(broken(error)),
         };
         let mut buffer = vec![0; rawzip::MAX_CENTRAL_DIRECTORY_RECORD_SIZE];
-        let archive: ZipArchive<&Tail> =
-            match ZipArchive::with_max_search_space(1 << 17).locate_in_reader(&tail, &mut buffer, size) {
-                Ok(archive) => archive,
-                Err((_, error)) => return failed(&error),
-            };
+        let archive: ZipArchive<&Tail> = match ZipArchive::with_max_search_space(1 << 17)
+            .locate_in_reader(&tail, &mut buffer, size)
+        {
+            Ok(archive) => archive,
+            Err((_, error)) => return failed(&error),
+        };
         if archive.entries_hint() > MAX_ENTRIES {
             return Err(too_many(archive.entries_hint()));
         }
@@ -139,7 +141,9 @@ impl ArchiveEntry {
         let problem = if entry.flags().is_encrypted() {
             "it is encrypted; expected an archive without a password".to_owned()
         } else if ![CompressionMethod::STORE, CompressionMethod::DEFLATE].contains(&method) {
-            format!("it is packed by {method:?}; expected DEFLATE or no packing, as most programs do")
+            format!(
+                "it is packed by {method:?}; expected DEFLATE or no packing, as most programs do"
+            )
         } else if size > MAX_ENTRY {
             format!(
                 "it unpacks to {} GB; expected at most {} GB",
@@ -199,8 +203,12 @@ fn too_many(entries: u64) -> Error {
 
 fn broken(error: &rawzip::Error) -> Error {
     let what = match error.kind() {
-        ErrorKind::MissingEndOfCentralDirectory => "its directory, at the end, is missing".to_owned(),
+        ErrorKind::MissingEndOfCentralDirectory => {
+            "its directory, at the end, is missing".to_owned()
+        }
         _ => error.to_string(),
     };
-    Error::input(format!("not a whole ZIP archive ({what}); was it cut short?"))
+    Error::input(format!(
+        "not a whole ZIP archive ({what}); was it cut short?"
+    ))
 }

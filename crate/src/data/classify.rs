@@ -44,7 +44,11 @@ pub struct Classification {
 /// Guesses what a file is from its path and its first bytes (4 kB are enough).
 pub fn classify(path: &str, head: &[u8]) -> Classification {
     let (role, reason, guess) = role_of(path, head);
-    Classification { role, reason, guess }
+    Classification {
+        role,
+        reason,
+        guess,
+    }
 }
 
 fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {

@@ -19,12 +19,12 @@ pub struct SequenceRange {
     pub length: usize,
 }
 
-/// The frames among a list of paths: images, one folder a sequence, in natural order (`frame_2` before
-/// `frame_10`).
+/// The frames among a list of paths: images, one folder a sequence, in natural order (`frame_2`
+/// before `frame_10`).
 ///
-/// A sequence is named by its folder (images without one: `images`), or by its path from the top where folder names
-/// repeat. A frame is numbered by the last number in its file name that is different for all frames of the sequence;
-/// where no file name has a number, by its position.
+/// A sequence is named by its folder (images without one: `images`), or by its path from the top
+/// where folder names repeat. A frame is numbered by the last number in its file name that is
+/// different for all frames of the sequence; where no file name has a number, by its position.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FrameIndex {
     keys: Vec<FrameKey>,
@@ -36,8 +36,8 @@ impl FrameIndex {
     /// Orders the frames among `paths` (separated by `/`).
     ///
     /// # Errors
-    /// When there is no image among them, and when some file names of a sequence have numbers that do not tell its
-    /// frames apart, e.g. because of a copy.
+    /// When there is no image among them, and when some file names of a sequence have numbers that
+    /// do not tell its frames apart, e.g. because of a copy.
     pub fn new<S: AsRef<str>>(paths: &[S]) -> Result<Self> {
         Self::among(paths, is_image)
     }
@@ -97,7 +97,11 @@ impl FrameIndex {
                 order.push(i);
             }
         }
-        Ok(Self { keys, order, ignored })
+        Ok(Self {
+            keys,
+            order,
+            ignored,
+        })
     }
 
     /// An index of frames that are in order already and are no files.
@@ -130,7 +134,11 @@ impl FrameIndex {
     /// When a position is out of range or they are not ascending.
     pub fn select(&self, positions: &[usize]) -> Result<Self> {
         let ascending = positions.windows(2).all(|w| w[0] < w[1]);
-        if !ascending || positions.last().is_some_and(|last| *last >= self.keys.len()) {
+        if !ascending
+            || positions
+                .last()
+                .is_some_and(|last| *last >= self.keys.len())
+        {
             return Err(Error::input(format!(
                 "positions of frames must be ascending and below {}",
                 self.keys.len()
@@ -167,8 +175,8 @@ pub fn ranges(keys: &[FrameKey]) -> Vec<SequenceRange> {
 
 /// The frame numbers that the names of a sequence's files give.
 fn frame_numbers(files: &[&str]) -> Result<Vec<u64>> {
-    // `frame_5 (1).png` among others is what file managers and browsers call a second `frame_5.png`; where all files are
-    // named like that, it is how they were numbered.
+    // `frame_5 (1).png` among others is what file managers and browsers call a second
+    // `frame_5.png`; where all files are named like that, it is how they were numbered.
     let all_alike = files.iter().all(|file| original(stem(file)) != stem(file));
     let name = |file| {
         if all_alike {

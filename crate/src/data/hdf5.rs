@@ -14,29 +14,32 @@ use crate::track::GroundTruth;
 /// The first bytes of an HDF5 file.
 pub const HDF5_MAGIC: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
 
-/// What is kept of unpacked chunks at most. h5py's own choice of chunks for the paper's recording puts 63 sequences
-/// into a chunk, so that all frames of 63 sequences together (495 MB) have to be unpacked to read one sequence.
+/// What is kept of unpacked chunks at most. h5py's own choice of chunks for the paper's recording
+/// puts 63 sequences into a chunk, so that all frames of 63 sequences together (495 MB) have to be
+/// unpacked to read one sequence.
 const MAX_CHUNK_CACHE: u64 = 1 << 30;
 
 /// An image of [`MAX_SIDE`](super::MAX_SIDE) squared in f64; a guard against damaged files.
 const MAX_READ: usize = 8192 * 8192 * 3 * 8;
 
 impl Recording {
-    /// Frames, and points if there are any, of an HDF5 file in memory. Without `options.axes` the file's attribute
-    /// `save/format/y_first` decides the order of the points' coordinates, else it is (x, y).
+    /// Frames, and points if there are any, of an HDF5 file in memory. Without `options.axes` the
+    /// file's attribute `save/format/y_first` decides the order of the points' coordinates, else it
+    /// is (x, y).
     ///
-    /// Points are named by an array of strings `names`, or by the attributes that the authors' `record.py` leaves:
-    /// the objects, then the links as `link_4`. Of PandaPush, `object` is called `cube` and link 11 `eef`, as in the
-    /// paper.
+    /// Points are named by an array of strings `names`, or by the attributes that the authors'
+    /// `record.py` leaves: the objects, then the links as `link_4`. Of PandaPush, `object` is
+    /// called `cube` and link 11 `eef`, as in the paper.
     ///
     /// # Errors
-    /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the message names the array.
+    /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the
+    /// message names the array.
     pub fn from_hdf5_bytes(bytes: Vec<u8>, options: &TableOptions) -> Result<Self> {
         Self::from_storage(Arc::new(BytesStorage::new(bytes)), options)
     }
 
-    /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are asked for. Up to
-    /// 1 GiB of unpacked chunks are kept.
+    /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are
+    /// asked for. Up to 1 GiB of unpacked chunks are kept.
     ///
     /// # Errors
     /// As [`Recording::from_hdf5_bytes`].
@@ -68,8 +71,9 @@ struct Hdf5 {
 impl Hdf5 {
     fn open(storage: DynStorage) -> Result<Self> {
         let options = || OpenOptions::default().with_max_read_bytes(MAX_READ);
-        let open =
-            |options| Hdf5File::from_storage_with_options(storage.clone(), options).map_err(|e| broken(&e));
+        let open = |options| {
+            Hdf5File::from_storage_with_options(storage.clone(), options).map_err(|e| broken(&e))
+        };
         let file = open(options())?;
         let (there, written) = (storage.len(), file.superblock().eof_address);
         if there < written {
@@ -86,7 +90,9 @@ impl Hdf5 {
         let options = options()
             .with_chunk_cache_bytes(bytes)
             .with_chunk_cache_slots(1 << 20);
-        Ok(Self { file: open(options)? })
+        Ok(Self {
+            file: open(options)?,
+        })
     }
 }
 
@@ -95,7 +101,9 @@ fn chunks_of_a_sequence(file: &Hdf5File, name: &str) -> Option<u64> {
     let dataset = file.dataset(name).ok()?;
     let chunk = dataset.chunks()?;
     let item = match dataset.dtype() {
-        Datatype::FixedPoint { size, .. } | Datatype::FloatingPoint { size, .. } => u64::from(*size),
+        Datatype::FixedPoint { size, .. } | Datatype::FloatingPoint { size, .. } => {
+            u64::from(*size)
+        }
         _ => return None,
     };
     let whole = |(n, chunk): (&u64, &u32)| n.checked_next_multiple_of(u64::from(*chunk));
@@ -127,7 +135,9 @@ impl ArrayFile for Hdf5 {
                 let sign = if *signed { "" } else { "u" };
                 (None, format!("{sign}int{}", u16::from(*size) * 8))
             }
-            Datatype::FloatingPoint { size, .. } => (None, format!("float{}", u16::from(*size) * 8)),
+            Datatype::FloatingPoint { size, .. } => {
+                (None, format!("float{}", u16::from(*size) * 8))
+            }
             _ => (None, "no number".to_owned()),
         };
         Ok(Some(ArrayInfo {
@@ -148,7 +158,11 @@ impl ArrayFile for Hdf5 {
             Some(Kind::U8) => elements(&dataset, &selection).map(Values::U8),
             Some(Kind::F32) => elements(&dataset, &selection).map(Values::F32),
             Some(Kind::F64) => elements(&dataset, &selection).map(Values::F64),
-            None => return Err(Error::input(format!("`{name}` is of a type that is not read"))),
+            None => {
+                return Err(Error::input(format!(
+                    "`{name}` is of a type that is not read"
+                )));
+            }
         }
         .map_err(failed)
     }
@@ -183,7 +197,9 @@ impl ArrayFile for Hdf5 {
         ) else {
             return Ok(None);
         };
-        let id = root.attribute("environment/id").and_then(|a| a.read_string());
+        let id = root
+            .attribute("environment/id")
+            .and_then(|a| a.read_string());
         let push = id.is_ok_and(|id| id.starts_with("PandaPush"));
         let object = |name: String| {
             if push && name == "object" {
@@ -223,5 +239,7 @@ fn unreadable(name: &str, error: &hdf5_reader::error::Error) -> Error {
 }
 
 fn broken(error: &hdf5_reader::error::Error) -> Error {
-    Error::input(format!("not a whole HDF5 file ({error}); was it cut short?"))
+    Error::input(format!(
+        "not a whole HDF5 file ({error}); was it cut short?"
+    ))
 }

@@ -4,12 +4,15 @@ use std::borrow::Cow;
 use std::io::Cursor;
 
 use ::image::codecs::png::PngEncoder;
-use ::image::{ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageFormat, ImageReader, Limits};
+use ::image::{
+    ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageFormat, ImageReader, Limits,
+};
 
 use super::resize::{Filter, resize_planar};
 use crate::error::{Error, Result};
 
-/// The smallest side of a frame, in pixels: less holds no image for an encoder that halves it three times.
+/// The smallest side of a frame, in pixels: less holds no image for an encoder that halves it three
+/// times.
 pub const MIN_SIDE: u32 = 16;
 
 /// The largest side of a frame, in pixels.
@@ -18,7 +21,8 @@ pub const MAX_SIDE: u32 = 8192;
 /// How far a float may lie outside [0, 1], from rounding or resampling.
 pub const OVERSHOOT: f32 = 1e-3;
 
-/// A decoded frame, RGB: 8 bits a channel, as images have, or floats in [0, 1], as recordings may have.
+/// A decoded frame, RGB: 8 bits a channel, as images have, or floats in [0, 1], as recordings may
+/// have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     width: u32,
@@ -56,7 +60,8 @@ impl Frame {
     /// A frame from `width * height * 3` values, row by row.
     ///
     /// # Errors
-    /// When the number of values is another one, or a float is not within [0, 1] (give or take [`OVERSHOOT`]).
+    /// When the number of values is another one, or a float is not within [0, 1] (give or take
+    /// [`OVERSHOOT`]).
     pub fn from_pixels(width: u32, height: u32, pixels: Pixels) -> Result<Self> {
         let expected = width as usize * height as usize * 3;
         if pixels.len() != expected {
@@ -84,8 +89,9 @@ impl Frame {
         })
     }
 
-    /// Decodes a PNG image, or with the feature `jpeg-webp` a JPEG or WebP image, recognised by its content. Grey becomes RGB, transparency is dropped,
-    /// 16 bits become 8. A numpy array (`.npy`, `[H, W, 3]` or `[3, H, W]`), as recordings hold them, is a frame too.
+    /// Decodes a PNG image, or with the feature `jpeg-webp` a JPEG or WebP image, recognised by its
+    /// content. Grey becomes RGB, transparency is dropped, 16 bits become 8. A numpy array (`.npy`,
+    /// `[H, W, 3]` or `[3, H, W]`), as recordings hold them, is a frame too.
     ///
     /// # Errors
     /// When the bytes are no such image or are cut short, and when a side is not within
@@ -158,7 +164,8 @@ impl Frame {
         &self.pixels
     }
 
-    /// The pixels in 8 bits, row by row, 3 bytes each. Floats are rounded, which changes them by 1/510 at most.
+    /// The pixels in 8 bits, row by row, 3 bytes each. Floats are rounded, which changes them by
+    /// 1/510 at most.
     pub fn rgb(&self) -> Cow<'_, [u8]> {
         match &self.pixels {
             Pixels::Bytes(bytes) => Cow::Borrowed(bytes),
@@ -173,20 +180,27 @@ impl Frame {
     pub fn to_png(&self) -> Result<Vec<u8>> {
         let mut png = Vec::new();
         PngEncoder::new(&mut png)
-            .write_image(&self.rgb(), self.width, self.height, ExtendedColorType::Rgb8)
+            .write_image(
+                &self.rgb(),
+                self.width,
+                self.height,
+                ExtendedColorType::Rgb8,
+            )
             .map_err(|e| Error::input(format!("no PNG image can be made of the frame: {e}")))?;
         Ok(png)
     }
 
-    /// The frame as a numpy array (`.npy`, `[H, W, 3]`, unsigned bytes), see [`Frame::rgb`]; [`Frame::decode`] reads it.
+    /// The frame as a numpy array (`.npy`, `[H, W, 3]`, unsigned bytes), see [`Frame::rgb`];
+    /// [`Frame::decode`] reads it.
     pub fn to_npy(&self) -> Vec<u8> {
-        let mut array = super::npz::npy_header("|u1", &[self.height as usize, self.width as usize, 3]);
+        let mut array =
+            super::npz::npy_header("|u1", &[self.height as usize, self.width as usize, 3]);
         array.extend_from_slice(&self.rgb());
         array
     }
 
-    /// The frame as planes of red, green and blue in [0, 1], 3 x height x width, resized to `[width, height]`
-    /// with `filter` where that differs.
+    /// The frame as planes of red, green and blue in [0, 1], 3 x height x width, resized to
+    /// `[width, height]` with `filter` where that differs.
     pub fn to_planar(&self, size: Option<[usize; 2]>, filter: Filter) -> Vec<f32> {
         let planar = match &self.pixels {
             Pixels::Bytes(bytes) => planes(bytes, |v| f32::from(v) / 255.0),
@@ -200,12 +214,14 @@ impl Frame {
     }
 }
 
-/// Whether a JPEG image goes on to its end marker: the decoder makes grey of what is missing and says nothing.
+/// Whether a JPEG image goes on to its end marker: the decoder makes grey of what is missing and
+/// says nothing.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     // The start marker has no content.
     let mut rest = bytes.get(2..).unwrap_or_default();
     loop {
-        // Behind the head of a scan are its data, in which 0xff is followed by 0 or a restart marker.
+        // Behind the head of a scan are its data, in which 0xff is followed by 0 or a restart
+        // marker.
         let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0 | 0xd0..=0xd7 | 0xff);
         let Some(at) = rest.windows(2).position(is_marker) else {
             return false;
@@ -226,7 +242,11 @@ fn is_whole_jpeg(bytes: &[u8]) -> bool {
 pub(crate) fn planes<T: Copy, U>(interleaved: &[T], value: impl Fn(T) -> U) -> Vec<U> {
     let mut planes = Vec::with_capacity(interleaved.len());
     for channel in 0..3 {
-        planes.extend(interleaved.chunks_exact(3).map(|pixel| value(pixel[channel])));
+        planes.extend(
+            interleaved
+                .chunks_exact(3)
+                .map(|pixel| value(pixel[channel])),
+        );
     }
     planes
 }

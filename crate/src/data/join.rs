@@ -21,9 +21,9 @@ pub struct Join {
 
 /// Joins by (sequence, frame number).
 ///
-/// Sequences match by name, the others by the last number in the name (`seq_0012` = `12`) where no other has it; a single
-/// sequence on either side matches the other whatever the names. Nothing is ever matched by position, which
-/// would silently pair the wrong ones when a folder is missing.
+/// Sequences match by name, the others by the last number in the name (`seq_0012` = `12`) where no
+/// other has it; a single sequence on either side matches the other whatever the names. Nothing is
+/// ever matched by position, which would silently pair the wrong ones when a folder is missing.
 ///
 /// # Errors
 /// When no frame matches; the message shows names of both sides.
@@ -109,11 +109,20 @@ fn match_sequences<'a>(
         rules.push("sequences matched by name".to_owned());
     }
     let rest = |names: &[&'a str]| -> Vec<&'a str> {
-        names.iter().copied().filter(|s| !pairs.contains_key(s)).collect()
+        names
+            .iter()
+            .copied()
+            .filter(|s| !pairs.contains_key(s))
+            .collect()
     };
-    let (a, b) = (by_number(&rest(left), rules), by_number(&rest(right), rules));
-    let mut found: Vec<(u64, &str, &str)> =
-        a.iter().filter_map(|(n, s)| Some((*n, *s, *b.get(n)?))).collect();
+    let (a, b) = (
+        by_number(&rest(left), rules),
+        by_number(&rest(right), rules),
+    );
+    let mut found: Vec<(u64, &str, &str)> = a
+        .iter()
+        .filter_map(|(n, s)| Some((*n, *s, *b.get(n)?)))
+        .collect();
     found.sort_unstable();
     if let Some((_, a, b)) = found.first() {
         rules.push(format!(

@@ -1,4 +1,5 @@
-//! Tables, images, sequences and recordings, parsed from bytes: the same code serves a dropped file and a folder on disk.
+//! Tables, images, sequences and recordings, parsed from bytes: the same code serves a dropped file
+//! and a folder on disk.
 
 mod archive;
 mod classify;
@@ -15,8 +16,8 @@ mod split;
 mod table;
 
 pub use archive::{
-    ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM, TAIL as ARCHIVE_TAIL,
-    ZIP_MAGIC,
+    ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
+    TAIL as ARCHIVE_TAIL, ZIP_MAGIC,
 };
 pub use classify::{Classification, Role, classify};
 pub use frames::{FrameIndex, SequenceRange, ranges};
@@ -27,8 +28,8 @@ pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Join, join};
 pub use npz::{
-    NPZ_MAGIC, NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
-    parse_npz_keypoints,
+    NPZ_MAGIC, NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays,
+    parse_npz_ground_truth, parse_npz_keypoints,
 };
 pub use recording::{AxisOrder, Recording};
 pub use resize::{Filter, resize_planar};

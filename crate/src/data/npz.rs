@@ -26,17 +26,21 @@ pub const NPZ_MAGIC: &[u8; 4] = b"PK\x03\x04";
 impl Recording {
     /// Frames, and points if there are any, of an NPZ file.
     ///
-    /// `np.savez` stores arrays as they are: frames are then read one by one from the file. `np.savez_compressed` packs
-    /// them: they are unpacked into memory as a whole.
+    /// `np.savez` stores arrays as they are: frames are then read one by one from the file.
+    /// `np.savez_compressed` packs them: they are unpacked into memory as a whole.
     ///
     /// # Errors
-    /// When the file is no whole NPZ file, or its arrays do not hold frames and points; the message names the array.
-    pub fn from_npz(reader: impl Read + Seek + Send + 'static, options: &TableOptions) -> Result<Self> {
+    /// When the file is no whole NPZ file, or its arrays do not hold frames and points; the message
+    /// names the array.
+    pub fn from_npz(
+        reader: impl Read + Seek + Send + 'static,
+        options: &TableOptions,
+    ) -> Result<Self> {
         Self::new(Box::new(Npz::open(reader)?), options)
     }
 
-    /// As [`Recording::from_npz`], from the arrays of a file that is not in memory. Frames are not read through it then:
-    /// [`Recording::frame_place`] says where they lie.
+    /// As [`Recording::from_npz`], from the arrays of a file that is not in memory. Frames are not
+    /// read through it then: [`Recording::frame_place`] says where they lie.
     ///
     /// # Errors
     /// As [`Recording::from_npz`].
@@ -45,8 +49,8 @@ impl Recording {
     }
 }
 
-/// Parses a ground truth from the array `keypoints` or `sites` of an NPZ file; an array `names` names the objects.
-/// `name` is the file's, for messages.
+/// Parses a ground truth from the array `keypoints` or `sites` of an NPZ file; an array `names`
+/// names the objects. `name` is the file's, for messages.
 ///
 /// # Errors
 /// When there is no such array or it does not hold points; the message gives its shape and type.
@@ -64,7 +68,11 @@ pub fn parse_npz_ground_truth(
 ///
 /// # Errors
 /// As [`parse_npz_ground_truth`].
-pub fn parse_npz_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+pub fn parse_npz_keypoints(
+    bytes: &[u8],
+    name: &str,
+    options: &TableOptions,
+) -> Result<Table<KeypointTrack>> {
     Npz::open(Cursor::new(bytes))
         .and_then(|file| recording::keypoints(&file, options))
         .map_err(|e| e.at(name))
@@ -74,7 +82,10 @@ pub fn parse_npz_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> 
 ///
 /// # Errors
 /// As [`parse_npz_ground_truth`].
-pub fn ground_truth_of_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> Result<Table<GroundTruth>> {
+pub fn ground_truth_of_arrays(
+    arrays: Vec<NpyArray>,
+    options: &TableOptions,
+) -> Result<Table<GroundTruth>> {
     recording::ground_truth(&Npz::of(arrays)?, options)
 }
 
@@ -82,7 +93,10 @@ pub fn ground_truth_of_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> 
 ///
 /// # Errors
 /// As [`parse_npz_keypoints`].
-pub fn keypoints_of_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+pub fn keypoints_of_arrays(
+    arrays: Vec<NpyArray>,
+    options: &TableOptions,
+) -> Result<Table<KeypointTrack>> {
     recording::keypoints(&Npz::of(arrays)?, options)
 }
 
@@ -118,11 +132,17 @@ pub(super) fn decode_frame(bytes: &[u8]) -> Result<Frame> {
     let header = Header::read(&mut &*bytes)?;
     header.check("frame", size)?;
     let info = ArrayInfo {
-        shape: [1].into_iter().chain(header.shape.iter().copied()).collect(),
+        shape: [1]
+            .into_iter()
+            .chain(header.shape.iter().copied())
+            .collect(),
         dtype: header.dtype.clone(),
         kind: header.kind(),
     };
-    recording::frame(&info, header.values("frame", &bytes[header.length as usize..])?)
+    recording::frame(
+        &info,
+        header.values("frame", &bytes[header.length as usize..])?,
+    )
 }
 
 /// An NPZ file, whose elements lie in `A` where they are not in memory.
@@ -139,7 +159,8 @@ trait Archive: Send + Sync {
 
 impl<R: Read + Seek + Send> Archive for Mutex<ZipArchive<R>> {
     fn read(&self, position: usize, start: u64, length: u64) -> Result<Vec<u8>> {
-        // A thread that panicked while it held the archive left nothing half done: every read seeks first.
+        // A thread that panicked while it held the archive left nothing half done: every read seeks
+        // first.
         let mut archive = self.lock().unwrap_or_else(PoisonError::into_inner);
         let mut entry = archive.by_index_seek(position).map_err(|e| broken(&e))?;
         let mut bytes = vec![0; length as usize];
@@ -156,7 +177,9 @@ struct Elsewhere;
 
 impl Archive for Elsewhere {
     fn read(&self, _: usize, _: u64, _: u64) -> Result<Vec<u8>> {
-        Err(Error::input("the array is not in memory; read it where it lies"))
+        Err(Error::input(
+            "the array is not in memory; read it where it lies",
+        ))
     }
 }
 
@@ -230,7 +253,10 @@ impl<A: Archive> Npz<A> {
         let member = &self.arrays[name];
         match &member.elements {
             Elements::Memory(all) => Ok(all[start as usize..(start + length) as usize].to_vec()),
-            Elements::Archive(position) => self.archive.read(*position, member.header.length + start, length),
+            Elements::Archive(position) => {
+                self.archive
+                    .read(*position, member.header.length + start, length)
+            }
         }
     }
 }
@@ -241,11 +267,14 @@ impl<A: Archive> ArrayFile for Npz<A> {
     }
 
     fn info(&self, name: &str) -> Result<Option<ArrayInfo>> {
-        Ok(self.arrays.get(name).map(|Member { header, .. }| ArrayInfo {
-            shape: header.shape.clone(),
-            dtype: header.dtype.clone(),
-            kind: header.kind(),
-        }))
+        Ok(self
+            .arrays
+            .get(name)
+            .map(|Member { header, .. }| ArrayInfo {
+                shape: header.shape.clone(),
+                dtype: header.dtype.clone(),
+                kind: header.kind(),
+            }))
     }
 
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values> {
@@ -283,21 +312,33 @@ impl<A: Archive> ArrayFile for Npz<A> {
         }
         let bytes = self.bytes("names", 0, header.shape[0] * header.item)?;
         let name = |bytes: &[u8]| {
-            let code = |c: &[u8]| c.iter().rev().fold(0, |code, byte| code << 8 | u32::from(*byte));
+            let code = |c: &[u8]| {
+                c.iter()
+                    .rev()
+                    .fold(0, |code, byte| code << 8 | u32::from(*byte))
+            };
             let text = bytes.chunks_exact(unit).map(code).take_while(|c| *c != 0);
             text.map(|c| char::from_u32(c).unwrap_or(char::REPLACEMENT_CHARACTER))
                 .collect()
         };
-        Ok(Some(bytes.chunks_exact(header.item as usize).map(name).collect()))
+        Ok(Some(
+            bytes.chunks_exact(header.item as usize).map(name).collect(),
+        ))
     }
 }
 
 fn numbers<T, const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> T) -> Vec<T> {
-    bytes.as_chunks().0.iter().map(|bytes| number(*bytes)).collect()
+    bytes
+        .as_chunks()
+        .0
+        .iter()
+        .map(|bytes| number(*bytes))
+        .collect()
 }
 
-/// The header of a `.npy` array. Own code: it is a Python dictionary of three keys that numpy always writes in the same
-/// form, and the libraries that read it bring a parser generator and a C compiler.
+/// The header of a `.npy` array. Own code: it is a Python dictionary of three keys that numpy
+/// always writes in the same form, and the libraries that read it bring a parser generator and a C
+/// compiler.
 struct Header {
     dtype: String,
     fortran: bool,
@@ -370,7 +411,9 @@ impl Header {
 
     /// The size of all elements; an error when the array does not have `size` bytes.
     fn check(&self, name: &str, size: u64) -> Result<u64> {
-        let bytes = self.bytes().filter(|b| b.checked_add(self.length) == Some(size));
+        let bytes = self
+            .bytes()
+            .filter(|b| b.checked_add(self.length) == Some(size));
         bytes.ok_or_else(|| {
             Error::input(format!(
                 "`{name}` has {} bytes, shape {:?} of {} needs {}; is the file complete?",
@@ -383,7 +426,8 @@ impl Header {
         })
     }
 
-    /// Where the elements at the `leading` indices begin, after the header, and their size in bytes.
+    /// Where the elements at the `leading` indices begin, after the header, and their size in
+    /// bytes.
     fn part(&self, leading: &[u64]) -> (u64, u64) {
         let count: u64 = self.shape[leading.len()..].iter().product();
         let strides = self.shape[..leading.len()].iter().zip(leading);
@@ -459,7 +503,8 @@ impl<W: Write + Seek> NpzWriter<W> {
         }
     }
 
-    /// Begins an array of numpy type `dtype` (`|u1`, `<f4`); its elements follow through [`NpzWriter::write`].
+    /// Begins an array of numpy type `dtype` (`|u1`, `<f4`); its elements follow through
+    /// [`NpzWriter::write`].
     ///
     /// # Errors
     /// When writing fails.
@@ -488,7 +533,12 @@ impl<W: Write + Seek> NpzWriter<W> {
     ///
     /// # Errors
     /// When writing fails.
-    pub fn floats(&mut self, name: &str, shape: &[usize], values: impl Iterator<Item = f64>) -> Result<()> {
+    pub fn floats(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl Iterator<Item = f64>,
+    ) -> Result<()> {
         self.array(name, "<f8", shape)?;
         self.write(&values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>())
     }
@@ -498,7 +548,12 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// # Errors
     /// When writing fails.
     pub fn strings(&mut self, name: &str, values: &[String]) -> Result<()> {
-        let width = values.iter().map(|v| v.chars().count()).max().unwrap_or(0).max(1);
+        let width = values
+            .iter()
+            .map(|v| v.chars().count())
+            .max()
+            .unwrap_or(0)
+            .max(1);
         self.array(name, &format!("<U{width}"), &[values.len()])?;
         for value in values {
             let padded = value

@@ -10,7 +10,8 @@ use super::image::{Frame, MAX_SIDE, MIN_SIDE, Pixels};
 use super::npz::npy_header;
 use super::source::FrameSource;
 use super::table::{
-    Ground, Known, Layout as TableLayout, Reading, Space, Table, TableOptions, ndc_from_pixels, point_notices,
+    Ground, Known, Layout as TableLayout, Reading, Space, Table, TableOptions, ndc_from_pixels,
+    point_notices,
 };
 use crate::error::{Error, Result};
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
@@ -95,11 +96,12 @@ pub(super) trait ArrayFile: Send + Sync {
     /// None where there is no such array.
     fn info(&self, name: &str) -> Result<Option<ArrayInfo>>;
 
-    /// The part of a known array at the `leading` indices, row by row; the whole of it where there are none.
+    /// The part of a known array at the `leading` indices, row by row; the whole of it where there
+    /// are none.
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values>;
 
-    /// Where the part of a known array at the `leading` indices lies in the array's file, header included, and its
-    /// size, in bytes; None where it does not lie in one piece.
+    /// Where the part of a known array at the `leading` indices lies in the array's file, header
+    /// included, and its size, in bytes; None where it does not lie in one piece.
     fn place(&self, _name: &str, _leading: &[u64]) -> Option<(u64, u64)> {
         None
     }
@@ -111,15 +113,18 @@ pub(super) trait ArrayFile: Send + Sync {
     fn point_names(&self) -> Result<Option<Vec<String>>>;
 }
 
-/// Frames, and points if there are any, as arrays in an NPZ or HDF5 file. Frames are read when they are asked for.
+/// Frames, and points if there are any, as arrays in an NPZ or HDF5 file. Frames are read when they
+/// are asked for.
 ///
-/// Frames are the array `images` or `frames`, of shape `[S, T, H, W, 3]` (S sequences of T frames) or `[T, H, W, 3]` (one
-/// sequence), or with the channels before height and width; `uint8`, or `float32` or `float64` in [0, 1]. Points are
-/// the array `keypoints` or `sites`, `[S, T, K, 2]` or `[T, K, 2]`, floats in ndc, NaN where an object is not
-/// visible. Sequences are called `seq_0000`, `seq_0001`, …, frames are counted from 0.
+/// Frames are the array `images` or `frames`, of shape `[S, T, H, W, 3]` (S sequences of T frames)
+/// or `[T, H, W, 3]` (one sequence), or with the channels before height and width; `uint8`, or
+/// `float32` or `float64` in [0, 1]. Points are the array `keypoints` or `sites`, `[S, T, K, 2]` or
+/// `[T, K, 2]`, floats in ndc, NaN where an object is not visible. Sequences are called `seq_0000`,
+/// `seq_0001`, …, frames are counted from 0.
 ///
-/// The authors' `record.py` writes `images` and `keypoints`, (x, y); its option `y_first` gives (y, x) and leaves an
-/// attribute that says so. (Their `loading.py` flips (x, y) to (y, x) when it reads.)
+/// The authors' `record.py` writes `images` and `keypoints`, (x, y); its option `y_first` gives (y,
+/// x) and leaves an attribute that says so. (Their `loading.py` flips (x, y) to (y, x) when it
+/// reads.)
 pub struct Recording {
     file: Box<dyn ArrayFile>,
     layout: Layout,
@@ -173,13 +178,14 @@ impl Recording {
         &self.layout.name
     }
 
-    /// Where frame `i` lies in the file of its array, `images.npy` or `frames.npy`: start and length in bytes; None where
-    /// it does not lie there in one piece.
+    /// Where frame `i` lies in the file of its array, `images.npy` or `frames.npy`: start and
+    /// length in bytes; None where it does not lie there in one piece.
     pub fn frame_place(&self, i: usize) -> Option<(u64, u64)> {
         self.file.place(&self.layout.name, &self.layout.leading(i))
     }
 
-    /// The header that makes the bytes at [`Recording::frame_place`] a `.npy` array, which [`Frame::decode`] takes.
+    /// The header that makes the bytes at [`Recording::frame_place`] a `.npy` array, which
+    /// [`Frame::decode`] takes.
     pub fn frame_header(&self) -> Vec<u8> {
         let [w, h] = [self.layout.width as usize, self.layout.height as usize];
         let shape = match self.layout.channels_first {
@@ -224,12 +230,18 @@ impl FrameSource for Recording {
 }
 
 /// The points of a recording as a ground truth; it need not have frames.
-pub(super) fn ground_truth(file: &dyn ArrayFile, options: &TableOptions) -> Result<Table<GroundTruth>> {
+pub(super) fn ground_truth(
+    file: &dyn ArrayFile,
+    options: &TableOptions,
+) -> Result<Table<GroundTruth>> {
     points(file, options)?.into_truth()
 }
 
 /// The points of a recording as keypoints of a detector; it need not have frames.
-pub(super) fn keypoints(file: &dyn ArrayFile, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+pub(super) fn keypoints(
+    file: &dyn ArrayFile,
+    options: &TableOptions,
+) -> Result<Table<KeypointTrack>> {
     let points = points(file, options)?;
     let mut notices = vec![points.notice];
     notices.extend(point_notices(
@@ -392,7 +404,9 @@ impl Points {
             None => Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
         };
         if axes.value == AxisOrder::Yx {
-            values.chunks_exact_mut(2).for_each(|point| point.swap(0, 1));
+            values
+                .chunks_exact_mut(2)
+                .for_each(|point| point.swap(0, 1));
         }
         let source = match axes.by {
             Ground::Said => "as asked for",
@@ -429,12 +443,13 @@ impl Points {
             None => (0..points).map(|k| format!("point_{k}")).collect(),
         };
         let length = values.len();
-        let values = Array3::from_shape_vec((sequences * frames, points, 2), values).map_err(|_| {
-            Error::input(format!(
-                "`{name}` holds {length} values for shape {:?}",
-                info.shape
-            ))
-        })?;
+        let values =
+            Array3::from_shape_vec((sequences * frames, points, 2), values).map_err(|_| {
+                Error::input(format!(
+                    "`{name}` holds {length} values for shape {:?}",
+                    info.shape
+                ))
+            })?;
         Ok(Some(Self {
             name,
             notice: format!("`{name}` is read as {}: {source}", axes.value),
@@ -448,7 +463,8 @@ impl Points {
     }
 
     fn into_truth(self) -> Result<Table<GroundTruth>> {
-        if let Some(((t, k, _), value)) = self.values.indexed_iter().find(|(_, v)| v.is_infinite()) {
+        if let Some(((t, k, _), value)) = self.values.indexed_iter().find(|(_, v)| v.is_infinite())
+        {
             return Err(Error::input(format!(
                 "`{}`: point {k} is {value} in sequence {}, frame {}; expected finite numbers, or NaN where the object \
                  is not visible",
@@ -472,7 +488,10 @@ impl Points {
 }
 
 /// The one array of two possible names.
-fn find(file: &dyn ArrayFile, names: [&'static str; 2]) -> Result<Option<(&'static str, ArrayInfo)>> {
+fn find(
+    file: &dyn ArrayFile,
+    names: [&'static str; 2],
+) -> Result<Option<(&'static str, ArrayInfo)>> {
     match [file.info(names[0])?, file.info(names[1])?] {
         [Some(_), Some(_)] => Err(Error::input(format!(
             "both `{}` and `{}` are there; expected one of them",

@@ -3,8 +3,8 @@
 /// Which bilinear resizing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Filter {
-    /// Interpolates between the two nearest pixels a direction, also when shrinking: torchvision before 0.17 for
-    /// tensors, which made the paper's reconstruction targets.
+    /// Interpolates between the two nearest pixels a direction, also when shrinking: torchvision
+    /// before 0.17 for tensors, which made the paper's reconstruction targets.
     Bilinear,
     /// A triangle filter that widens when shrinking (antialiased), so that every pixel counts.
     BilinearAntialias,
@@ -23,7 +23,10 @@ pub fn resize_planar(planes: &[f32], from: [usize; 2], to: [usize; 2], filter: F
     let mut out = Vec::with_capacity(count * to[0] * to[1]);
     let mut narrow = vec![0.0f32; to[0] * from[1]];
     for plane in planes.chunks_exact(plane) {
-        for (row, out) in plane.chunks_exact(from[0]).zip(narrow.chunks_exact_mut(to[0])) {
+        for (row, out) in plane
+            .chunks_exact(from[0])
+            .zip(narrow.chunks_exact_mut(to[0]))
+        {
             for (value, tap) in out.iter_mut().zip(&columns) {
                 let pixels = &row[tap.start..tap.start + tap.weights.len()];
                 *value = pixels.iter().zip(&tap.weights).map(|(p, w)| p * w).sum();
@@ -49,8 +52,8 @@ struct Tap {
     weights: Vec<f32>,
 }
 
-/// Positions and weights in f32, in PyTorch's order of operations: at 100 px another order already moves a weight
-/// by 4e-6.
+/// Positions and weights in f32, in PyTorch's order of operations: at 100 px another order already
+/// moves a weight by 4e-6.
 fn taps(from: usize, to: usize, filter: Filter) -> Vec<Tap> {
     let scale = from as f32 / to as f32;
     let tap = |i: usize| match filter {

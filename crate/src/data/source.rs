@@ -9,7 +9,8 @@ use crate::track::GroundTruth;
 #[cfg(any(feature = "cli", feature = "train"))]
 pub(crate) const BLOCK: usize = 256;
 
-/// Frames in order, read one by one: a folder of images, or a recording. What reads frames takes any of them.
+/// Frames in order, read one by one: a folder of images, or a recording. What reads frames takes
+/// any of them.
 pub trait FrameSource: Send + Sync {
     /// Which frames there are.
     fn index(&self) -> &FrameIndex;
@@ -43,7 +44,8 @@ pub struct EncodedFrames<F> {
 }
 
 impl<F: Fn(usize) -> Result<(String, Vec<u8>)> + Send + Sync> EncodedFrames<F> {
-    /// The frames of `index`; `read` gives the name, for messages, and the bytes of the i-th in order.
+    /// The frames of `index`; `read` gives the name, for messages, and the bytes of the i-th in
+    /// order.
     pub fn new(index: FrameIndex, read: F) -> Self {
         Self { index, read }
     }

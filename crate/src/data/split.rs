@@ -11,9 +11,10 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Split {
-    /// As the authors' `loading.py`: the order of `np.random.seed(seed); np.random.choice(n, n, replace=False)`, of
-    /// which the first half is for training, the next quarter for validation and the rest for testing. Of the paper's
-    /// 1000 sequences these are 500, 250 and 250, with seed 0.
+    /// As the authors' `loading.py`: the order of `np.random.seed(seed); np.random.choice(n, n,
+    /// replace=False)`, of which the first half is for training, the next quarter for validation
+    /// and the rest for testing. Of the paper's 1000 sequences these are 500, 250 and 250, with
+    /// seed 0.
     #[serde(rename = "reference")]
     Reference {
         /// numpy's seed; the authors' `dataset.seed`.
@@ -47,9 +48,10 @@ impl Split {
     /// Says what is allowed.
     pub fn validate(&self) -> Result<()> {
         match *self {
-            Self::Shares { training, validation }
-                if !(training > 0.0 && validation > 0.0 && training + validation <= 1.0 + 1e-9) =>
-            {
+            Self::Shares {
+                training,
+                validation,
+            } if !(training > 0.0 && validation > 0.0 && training + validation <= 1.0 + 1e-9) => {
                 Err(Error::input(format!(
                     "the split is {training}, {validation}; expected two positive shares that add up to at most 1"
                 )))
@@ -76,12 +78,19 @@ impl Split {
                 // Of 2 or 3 sequences a quarter is none.
                 (order, sequences / 2, (sequences / 4).max(1))
             }
-            Self::Shares { training, validation } => {
+            Self::Shares {
+                training,
+                validation,
+            } => {
                 let mut order: Vec<usize> = (0..sequences).collect();
                 shuffle(&mut order);
                 let count = |share: f64| (share * sequences as f64).round() as usize;
                 let training = count(training).clamp(1, sequences - 1);
-                (order, training, count(validation).clamp(1, sequences - training))
+                (
+                    order,
+                    training,
+                    count(validation).clamp(1, sequences - training),
+                )
             }
         };
         let testing = order.split_off(training + validation);
@@ -124,8 +133,9 @@ impl FromStr for Split {
     }
 }
 
-/// The order of `np.random.seed(seed); np.random.permutation(count)`, bit for bit, in any version of numpy: its legacy
-/// generator is frozen. `np.random.choice(count, size, replace=False)` is its first `size`.
+/// The order of `np.random.seed(seed); np.random.permutation(count)`, bit for bit, in any version
+/// of numpy: its legacy generator is frozen. `np.random.choice(count, size, replace=False)` is its
+/// first `size`.
 pub fn numpy_permutation(count: u32, seed: u32) -> Vec<usize> {
     let mut generator = Mt::new(seed);
     let mut order: Vec<usize> = (0..count as usize).collect();

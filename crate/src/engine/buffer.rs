@@ -15,7 +15,8 @@ const ADVICE: &str = "use smaller images, fewer threads, or an encoder with fewe
 #[repr(C, align(64))]
 struct Line([f32; LINE]);
 
-/// A slice of `f32` that starts at a cache line, so that no vector load straddles two of them, and that only grows.
+/// A slice of `f32` that starts at a cache line, so that no vector load straddles two of them, and
+/// that only grows.
 #[derive(Default)]
 pub(super) struct Buffer {
     lines: Vec<Line>,
@@ -53,6 +54,8 @@ impl Deref for Buffer {
 impl DerefMut for Buffer {
     fn deref_mut(&mut self) -> &mut [f32] {
         // SAFETY: as above.
-        unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.lines.len() * LINE) }
+        unsafe {
+            std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.lines.len() * LINE)
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! The decoder of an SAE: keypoints in, an image out. It is for looking at single frames and plain rather than fast.
+//! The decoder of an SAE: keypoints in, an image out. It is for looking at single frames and plain
+//! rather than fast.
 
 use super::layer::batch_norm;
 use super::softargmax::position;
@@ -67,8 +68,8 @@ impl Decoder {
         self.config.target_size
     }
 
-    /// The image that the decoder makes of N keypoints (x, y) in the latent space: 3 x height x width values, linear and not
-    /// clipped; the images it was trained on are in [0, 1].
+    /// The image that the decoder makes of N keypoints (x, y) in the latent space: 3 x height x
+    /// width values, linear and not clipped; the images it was trained on are in [0, 1].
     ///
     /// # Errors
     /// When there are not N keypoints.
@@ -84,8 +85,10 @@ impl Decoder {
             Some((weight, bias)) => {
                 let latent: Vec<f32> = points.iter().flat_map(|[x, y]| [*y, *x]).collect();
                 let rows = weight.chunks_exact(latent.len()).zip(bias);
-                rows.map(|(row, bias)| bias + row.iter().zip(&latent).map(|(w, z)| w * z).sum::<f32>())
-                    .collect()
+                rows.map(|(row, bias)| {
+                    bias + row.iter().zip(&latent).map(|(w, z)| w * z).sum::<f32>()
+                })
+                .collect()
             }
             None => {
                 let mut size = self.config.map_size();
@@ -102,17 +105,22 @@ impl Decoder {
         Ok(image)
     }
 
-    /// A blob a keypoint: `exp(-d² / σ²)` of the distance in latent units, less its height at the limit where there is one.
+    /// A blob a keypoint: `exp(-d² / σ²)` of the distance in latent units, less its height at the
+    /// limit where there is one.
     fn gaussian_maps(&self, points: &[[f32; 2]], [width, height]: [usize; 2]) -> Vec<f32> {
         let floor = self.config.sigma_limit.map(|limit| (-limit * limit).exp());
         let blob = |(n, point): (usize, &[f32; 2])| {
             let sigma = f64::from(self.sigma[n % self.sigma.len()]);
             let profile = |centre: f32, cells: usize| -> Vec<f64> {
                 let distance = |i| (position(i, cells) - f64::from(centre)) / sigma;
-                (0..cells).map(|i| (-distance(i) * distance(i)).exp()).collect()
+                (0..cells)
+                    .map(|i| (-distance(i) * distance(i)).exp())
+                    .collect()
             };
             let (along_x, along_y) = (profile(point[0], width), profile(point[1], height));
-            let cells = along_y.iter().flat_map(|y| along_x.iter().map(move |x| x * y));
+            let cells = along_y
+                .iter()
+                .flat_map(|y| along_x.iter().map(move |x| x * y));
             let heights: Vec<f32> = match floor {
                 Some(floor) => cells.map(|v| (v - floor).max(0.0) as f32).collect(),
                 None => cells.map(|v| v as f32).collect(),
@@ -125,9 +133,15 @@ impl Decoder {
 
 impl Layer {
     fn new(checkpoint: &Checkpoint, shape: ConvLayer) -> Result<Self> {
-        let mut weight = checkpoint.tensor(&format!("{}.weight", shape.name))?.data.clone();
+        let mut weight = checkpoint
+            .tensor(&format!("{}.weight", shape.name))?
+            .data
+            .clone();
         let shift = match &shape.norm {
-            None => checkpoint.tensor(&format!("{}.bias", shape.name))?.data.clone(),
+            None => checkpoint
+                .tensor(&format!("{}.bias", shape.name))?
+                .data
+                .clone(),
             Some(norm) => {
                 let (scale, shift) = batch_norm(checkpoint, norm)?;
                 let filters = weight.chunks_exact_mut(shape.inputs * shape.kernel * shape.kernel);
@@ -137,10 +151,15 @@ impl Layer {
                 shift
             }
         };
-        Ok(Self { shape, weight, shift })
+        Ok(Self {
+            shape,
+            weight,
+            shift,
+        })
     }
 
-    /// The planes that the layer makes of planes of `[width, height]`, and their size, as steps of 1 keep it.
+    /// The planes that the layer makes of planes of `[width, height]`, and their size, as steps of
+    /// 1 keep it.
     fn run(&self, mut planes: Vec<f32>, mut size: [usize; 2]) -> (Vec<f32>, [usize; 2]) {
         if self.shape.upsample {
             planes = upsample(&planes, size);
@@ -150,7 +169,9 @@ impl Layer {
         let (kernel, padding) = (self.shape.kernel, self.shape.padding);
         let area = width * height;
         let mut out = vec![0.0; self.shape.outputs * area];
-        let filters = self.weight.chunks_exact(self.shape.inputs * kernel * kernel);
+        let filters = self
+            .weight
+            .chunks_exact(self.shape.inputs * kernel * kernel);
         for ((result, filter), shift) in out.chunks_exact_mut(area).zip(filters).zip(&self.shift) {
             result.fill(*shift);
             for (plane, taps) in planes
@@ -158,10 +179,13 @@ impl Layer {
                 .zip(filter.chunks_exact(kernel * kernel))
             {
                 for (tap, weight) in taps.iter().enumerate() {
-                    // Row y, column x of the result see row y + dy - padding, column x + dx - padding.
+                    // Row y, column x of the result see row y + dy - padding, column x + dx -
+                    // padding.
                     let (dy, dx) = (tap / kernel, tap % kernel);
-                    let rows = padding.saturating_sub(dy)..height.min((height + padding).saturating_sub(dy));
-                    let columns = padding.saturating_sub(dx)..width.min((width + padding).saturating_sub(dx));
+                    let rows = padding.saturating_sub(dy)
+                        ..height.min((height + padding).saturating_sub(dy));
+                    let columns =
+                        padding.saturating_sub(dx)..width.min((width + padding).saturating_sub(dx));
                     for y in rows {
                         let from = (y + dy - padding) * width + columns.start + dx - padding;
                         let source = &plane[from..from + columns.len()];

@@ -1,5 +1,5 @@
-//! Convolutions as products of shifted rows: of a map that holds a cell's channels together, the taps of a filter's
-//! row are one run of numbers, so that nothing has to be gathered.
+//! Convolutions as products of shifted rows: of a map that holds a cell's channels together, the
+//! taps of a filter's row are one run of numbers, so that nothing has to be gathered.
 
 use rten_simd::ops::BitOps;
 use rten_simd::{Isa, SimdOp};
@@ -45,7 +45,9 @@ impl SimdOp for Direct<'_> {
         let [columns, rows] = self.from.framed();
         assert!((width - 1) * self.stride + self.kernel <= columns);
         assert!((height - 1) * self.stride + self.kernel <= rows);
-        assert!(self.input.len() >= self.from.len() + slack(lanes, self.stride, self.from.channels));
+        assert!(
+            self.input.len() >= self.from.len() + slack(lanes, self.stride, self.from.channels)
+        );
         assert!(self.output.len() >= self.to.len());
         with_rows!(isa, ROWS => {
             for row in 0..height {
@@ -68,7 +70,12 @@ impl Direct<'_> {
     /// N vectors of outputs, from `first` on, of a row of cells.
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
-    unsafe fn row<I: Isa, const ROWS: usize, const N: usize>(&mut self, isa: I, row: usize, first: usize) {
+    unsafe fn row<I: Isa, const ROWS: usize, const N: usize>(
+        &mut self,
+        isa: I,
+        row: usize,
+        first: usize,
+    ) {
         let ops = isa.f32();
         let lanes = ops.len();
         let run = self.kernel * self.from.channels;
@@ -77,7 +84,8 @@ impl Direct<'_> {
         let width = self.to.size[0];
         let floor = ops.splat(self.floor);
         let panel = self.panels.panel(first).as_ptr();
-        // SAFETY: `eval` asserts that the sizes fit each other; tiles that reach beyond the last column read the slack.
+        // SAFETY: `eval` asserts that the sizes fit each other; tiles that reach beyond the last
+        // column read the slack.
         unsafe {
             let mut bias = [ops.zero(); N];
             for (i, bias) in bias.iter_mut().enumerate() {

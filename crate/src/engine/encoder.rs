@@ -42,8 +42,8 @@ impl Encoder {
     /// Folds and packs the encoder's weights.
     ///
     /// # Errors
-    /// When a tensor is missing or has another shape than its neighbours need, when weights are not finite numbers (names
-    /// the layer), or when there is no memory for them.
+    /// When a tensor is missing or has another shape than its neighbours need, when weights are not
+    /// finite numbers (names the layer), or when there is no memory for them.
     pub fn new(checkpoint: &Checkpoint) -> Result<Self> {
         let config = checkpoint.config.clone();
         let lanes = gemm::lanes();
@@ -80,8 +80,9 @@ impl Encoder {
         self.config.keypoints
     }
 
-    /// The N keypoints (x, y) of a frame in the latent space: -1 and +1 are the centres of the border cells of
-    /// the last feature map. The frame is resized to the encoder's input size, if it has one.
+    /// The N keypoints (x, y) of a frame in the latent space: -1 and +1 are the centres of the
+    /// border cells of the last feature map. The frame is resized to the encoder's input size, if
+    /// it has one.
     ///
     /// # Errors
     /// As [`Encoder::run`].
@@ -100,7 +101,9 @@ impl Encoder {
                 self.config.keypoints
             )));
         }
-        let map = self.with_input(frame, |input, size| self.maps(workspace, input, size, false))?;
+        let map = self.with_input(frame, |input, size| {
+            self.maps(workspace, input, size, false)
+        })?;
         let channel = workspace.front[n..map.len()].iter().step_by(map.channels);
         let values: Vec<f32> = channel.copied().collect();
         let weights = softmax(&values, self.temperature);
@@ -114,7 +117,11 @@ impl Encoder {
     }
 
     /// What `run` makes of a frame in the encoder's input size, if it has one.
-    fn with_input<T>(&self, frame: &Frame, run: impl FnOnce(Input, [usize; 2]) -> Result<T>) -> Result<T> {
+    fn with_input<T>(
+        &self,
+        frame: &Frame,
+        run: impl FnOnce(Input, [usize; 2]) -> Result<T>,
+    ) -> Result<T> {
         let own = [frame.width() as usize, frame.height() as usize];
         match self.config.input_size {
             Some(size) if size != own => {
@@ -125,12 +132,18 @@ impl Encoder {
         }
     }
 
-    /// The keypoints of an input of 3 x height x width values in [0, 1] with `size` = `[width, height]`.
+    /// The keypoints of an input of 3 x height x width values in [0, 1] with `size` = `[width,
+    /// height]`.
     ///
     /// # Errors
-    /// When the input is not of that size or too small, when there is no memory for the activations, or when a keypoint
-    /// is not a finite number; names the layer that overflows.
-    pub fn run(&self, workspace: &mut Workspace, input: &[f32], size: [usize; 2]) -> Result<Vec<[f32; 2]>> {
+    /// When the input is not of that size or too small, when there is no memory for the
+    /// activations, or when a keypoint is not a finite number; names the layer that overflows.
+    pub fn run(
+        &self,
+        workspace: &mut Workspace,
+        input: &[f32],
+        size: [usize; 2],
+    ) -> Result<Vec<[f32; 2]>> {
         if input.len() != 3 * size[0] * size[1] || input.is_empty() {
             return Err(Error::input(format!(
                 "an input of {} values for {} x {} pixels; expected 3 values a pixel",
@@ -142,7 +155,12 @@ impl Encoder {
         self.points(workspace, Input::Planes(input), size)
     }
 
-    fn points(&self, workspace: &mut Workspace, input: Input, size: [usize; 2]) -> Result<Vec<[f32; 2]>> {
+    fn points(
+        &self,
+        workspace: &mut Workspace,
+        input: Input,
+        size: [usize; 2],
+    ) -> Result<Vec<[f32; 2]>> {
         let map = self.maps(workspace, input, size, false)?;
         let mut points = vec![[0.0; 2]; self.keypoints()];
         SoftArgmax {
@@ -156,9 +174,20 @@ impl Encoder {
         finite(points).or_else(|error| self.maps(workspace, input, size, true).and(Err(error)))
     }
 
-    /// Leaves the last feature map in the front of the workspace; `checked` looks for activations that overflow.
-    fn maps(&self, workspace: &mut Workspace, input: Input, size: [usize; 2], checked: bool) -> Result<Map> {
-        let Workspace { front, back, scratch } = workspace;
+    /// Leaves the last feature map in the front of the workspace; `checked` looks for activations
+    /// that overflow.
+    fn maps(
+        &self,
+        workspace: &mut Workspace,
+        input: Input,
+        size: [usize; 2],
+        checked: bool,
+    ) -> Result<Map> {
+        let Workspace {
+            front,
+            back,
+            scratch,
+        } = workspace;
         let mut sizes = self.layers[0].sizes(size)?;
         let (mut map, len) = self.layers[0].input(&sizes);
         front.grow(len)?;
@@ -230,7 +259,11 @@ fn check_memory(config: &SaeConfig, lanes: usize) -> Result<()> {
         weights
     });
     let bytes = numbers.fold(0, u64::saturating_add).saturating_mul(4);
-    memory::check(bytes, "packed weights", "use an encoder with fewer channels")
+    memory::check(
+        bytes,
+        "packed weights",
+        "use an encoder with fewer channels",
+    )
 }
 
 /// What goes into the first layer.
@@ -254,7 +287,9 @@ impl Input<'_> {
                 Self::Planes(planes) => {
                     let [red, green, blue] =
                         [0, 1, 2].map(|plane| &planes[(plane * height + row) * width..][..width]);
-                    for (((cell, r), g), b) in cells.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
+                    for (((cell, r), g), b) in
+                        cells.chunks_exact_mut(3).zip(red).zip(green).zip(blue)
+                    {
                         cell.copy_from_slice(&[*r, *g, *b]);
                     }
                 }

@@ -1,4 +1,5 @@
-//! The product behind all convolutions: a few rows of numbers, read in place, times a panel of packed weights.
+//! The product behind all convolutions: a few rows of numbers, read in place, times a panel of
+//! packed weights.
 
 use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
@@ -9,8 +10,8 @@ use crate::error::Result;
 /// Vectors a panel is wide, except for the last one of an odd number of vectors.
 pub(crate) const WIDE: usize = 2;
 
-/// Rows that are multiplied at a time: with [`WIDE`] vectors a row, as many sums as the registers hold beside their
-/// operands.
+/// Rows that are multiplied at a time: with [`WIDE`] vectors a row, as many sums as the registers
+/// hold beside their operands.
 pub(crate) const fn tile_rows(lanes: usize) -> usize {
     match lanes {
         16 => 12,
@@ -84,7 +85,12 @@ impl Panels {
     ///
     /// # Errors
     /// When there is no memory for it.
-    pub fn new(lanes: usize, steps: usize, columns: usize, at: impl Fn(usize, usize) -> f32) -> Result<Self> {
+    pub fn new(
+        lanes: usize,
+        steps: usize,
+        columns: usize,
+        at: impl Fn(usize, usize) -> f32,
+    ) -> Result<Self> {
         let mut panels = Self::zeros(lanes, steps, columns)?;
         for column in 0..columns {
             for (step, place) in panels.column_mut(column).enumerate() {
@@ -148,8 +154,8 @@ pub(crate) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
     };
     let mut k = 0;
     if cfg!(target_arch = "wasm32") {
-        // The compiler unrolls a loop whose count it can tell, and then gathers the operands of several steps, which are
-        // too many for the registers of a browser.
+        // The compiler unrolls a loop whose count it can tell, and then gathers the operands of
+        // several steps, which are too many for the registers of a browser.
         let one = std::hint::black_box(1);
         while k != steps {
             step(k);

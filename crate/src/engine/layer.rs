@@ -53,7 +53,8 @@ pub struct PlannedLayer {
     pub done: u64,
 }
 
-/// Width and height of what comes into a layer, of what its convolution gives, and of what goes out.
+/// Width and height of what comes into a layer, of what its convolution gives, and of what goes
+/// out.
 #[derive(Clone, Copy)]
 pub(super) struct Sizes {
     pub from: [usize; 2],
@@ -62,12 +63,17 @@ pub(super) struct Sizes {
 }
 
 impl Layer {
-    /// Folds the batch norm into the weights and packs them. `channels` are the numbers of a cell that comes in, `lanes`
-    /// those of a vector.
+    /// Folds the batch norm into the weights and packs them. `channels` are the numbers of a cell
+    /// that comes in, `lanes` those of a vector.
     ///
     /// # Errors
     /// When a tensor is missing or a folded weight is not finite.
-    pub fn new(checkpoint: &Checkpoint, shape: ConvLayer, lanes: usize, channels: usize) -> Result<Self> {
+    pub fn new(
+        checkpoint: &Checkpoint,
+        shape: ConvLayer,
+        lanes: usize,
+        channels: usize,
+    ) -> Result<Self> {
         let weight = checkpoint.tensor(&format!("{}.weight", shape.name))?;
         let norm = shape
             .norm
@@ -108,7 +114,9 @@ impl Layer {
                     lanes,
                     shape.kernel * run,
                     outputs,
-                    |step, output| weights.at(output, step % channels, step / run, step % run / channels),
+                    |step, output| {
+                        weights.at(output, step % channels, step / run, step % run / channels)
+                    },
                 )?)
             }
         };
@@ -140,8 +148,9 @@ impl Layer {
             .fold(1, |product: u64, n| product.saturating_mul(n as u64))
     }
 
-    /// Tiles, if the layer goes by them: where they are worth their transforms, as a channel that is transformed serves
-    /// enough sums. No encoder pools what it takes in strides, so there are no such tiles.
+    /// Tiles, if the layer goes by them: where they are worth their transforms, as a channel that
+    /// is transformed serves enough sums. No encoder pools what it takes in strides, so there are
+    /// no such tiles.
     fn tiling(shape: &ConvLayer, lanes: usize, channels: usize) -> Option<Tiling> {
         let worth = channels.is_multiple_of(lanes) && shape.inputs.min(shape.outputs) >= 16;
         let strided_pool = shape.pool && shape.stride > 1;
@@ -203,7 +212,11 @@ impl Layer {
     pub fn scratch(&self, sizes: &Sizes) -> usize {
         let [channels, outputs] = self.channels;
         match &self.kernel {
-            Kernel::Winograd(tiling, _) => tiling.scratch(self.lanes, channels, self.tiles(tiling, sizes)).1,
+            Kernel::Winograd(tiling, _) => {
+                tiling
+                    .scratch(self.lanes, channels, self.tiles(tiling, sizes))
+                    .1
+            }
             Kernel::Direct(_) if self.shape.pool => Map::bare(sizes.convolved, outputs).len(),
             Kernel::Direct(_) => 0,
         }
@@ -262,9 +275,16 @@ impl Layer {
         }
     }
 
-    /// Computes the inner cells of `output`, which lies as `to` says, of an `input` that lies as [`input`](Self::input)
-    /// has it.
-    pub fn run(&self, sizes: &Sizes, input: &[f32], output: &mut Buffer, to: Map, scratch: &mut Buffer) {
+    /// Computes the inner cells of `output`, which lies as `to` says, of an `input` that lies as
+    /// [`input`](Self::input) has it.
+    pub fn run(
+        &self,
+        sizes: &Sizes,
+        input: &[f32],
+        output: &mut Buffer,
+        to: Map,
+        scratch: &mut Buffer,
+    ) {
         let from = self.input(sizes).0;
         let epilogue = Epilogue {
             scale: self.scale.as_deref(),
@@ -297,7 +317,14 @@ impl Layer {
             .dispatch(),
             Kernel::Direct(panels) if self.shape.pool => {
                 let between = Map::bare(sizes.convolved, self.outputs());
-                direct(panels, &self.zeros, f32::NEG_INFINITY, &mut scratch[..], between).dispatch();
+                direct(
+                    panels,
+                    &self.zeros,
+                    f32::NEG_INFINITY,
+                    &mut scratch[..],
+                    between,
+                )
+                .dispatch();
                 MaxPool {
                     epilogue,
                     input: scratch,
@@ -370,7 +397,11 @@ impl Weights<'_> {
 
 /// Scale and shift per channel of a batch norm in evaluation.
 pub(super) fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32>, Vec<f32>)> {
-    let part = |part: &str| checkpoint.tensor(&format!("{name}.{part}")).map(|t| &t.data);
+    let part = |part: &str| {
+        checkpoint
+            .tensor(&format!("{name}.{part}"))
+            .map(|t| &t.data)
+    };
     let (weight, bias) = (part("weight")?, part("bias")?);
     let (mean, variance) = (part("running_mean")?, part("running_var")?);
     let scale: Vec<f32> = weight

@@ -1,17 +1,19 @@
-//! CPU inference of an encoder, without burn: batch norm folded into the convolutions, weights packed once, and every
-//! convolution computed together with what follows it.
+//! CPU inference of an encoder, without burn: batch norm folded into the convolutions, weights
+//! packed once, and every convolution computed together with what follows it.
 //!
-//! Maps lie as rows x columns x channels. 3 x 3 filters and 5 x 5 filters with stride 1 go by Winograd's algorithm (`winograd`),
-//! all others as products of shifted rows (`direct`); both are built on the one product in `gemm`, which is written once
-//! over `rten-simd`'s instruction sets: AVX-512, AVX2 with FMA, NEON, wasm simd128, and plain code. Which one a layer
-//! takes is a rule on its shape, so that results are the same in every run; [`Encoder::plan`] tells it.
+//! Maps lie as rows x columns x channels. 3 x 3 filters and 5 x 5 filters with stride 1 go by
+//! Winograd's algorithm (`winograd`), all others as products of shifted rows (`direct`); both are
+//! built on the one product in `gemm`, which is written once over `rten-simd`'s instruction sets:
+//! AVX-512, AVX2 with FMA, NEON, wasm simd128, and plain code. Which one a layer takes is a rule on
+//! its shape, so that results are the same in every run; [`Encoder::plan`] tells it.
 //!
-//! In wasm the steps of a kernel are functions of their own: a browser's compiler gives up on keeping numbers in registers
-//! in a function as large as a whole kernel. Elsewhere they have to be inlined, into the code of an instruction set.
+//! In wasm the steps of a kernel are functions of their own: a browser's compiler gives up on
+//! keeping numbers in registers in a function as large as a whole kernel. Elsewhere they have to be
+//! inlined, into the code of an instruction set.
 //!
-//! What is computed is defined by the burn modules in `model`; tests hold the two together. An [`Encoder`] is
-//! immutable and shared by threads; every thread brings a [`Workspace`], which is sized by the first frame and
-//! reused by the following ones.
+//! What is computed is defined by the burn modules in `model`; tests hold the two together. An
+//! [`Encoder`] is immutable and shared by threads; every thread brings a [`Workspace`], which is
+//! sized by the first frame and reused by the following ones.
 
 mod buffer;
 mod decoder;

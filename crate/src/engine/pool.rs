@@ -1,4 +1,5 @@
-//! Max-pooling followed by the batch norm and ReLU that come after it, for convolutions that cannot do it themselves.
+//! Max-pooling followed by the batch norm and ReLU that come after it, for convolutions that cannot
+//! do it themselves.
 
 use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
@@ -7,10 +8,11 @@ use super::map::Map;
 use super::simd::larger;
 use super::winograd::Epilogue;
 
-/// Kernel 2, stride 2, one ring of padding that never wins (as in the authors' code; the paper has none); then scale,
-/// bias and floor.
+/// Kernel 2, stride 2, one ring of padding that never wins (as in the authors' code; the paper has
+/// none); then scale, bias and floor.
 ///
-/// The batch norm cannot move before the maximum: where its scale is negative it would turn it into a minimum.
+/// The batch norm cannot move before the maximum: where its scale is negative it would turn it into
+/// a minimum.
 pub(super) struct MaxPool<'a> {
     pub epilogue: Epilogue<'a>,
     pub input: &'a [f32],
@@ -35,22 +37,28 @@ impl SimdOp for MaxPool<'_> {
         let floor = ops.splat(self.epilogue.floor);
         for row in 0..self.to.size[1] {
             for column in 0..self.to.size[0] {
-                let [columns, rows] = [(column, 0), (row, 1)]
-                    .map(|(at, axis)| (2 * at).saturating_sub(1)..(2 * at + 1).min(self.from.size[axis]));
+                let [columns, rows] = [(column, 0), (row, 1)].map(|(at, axis)| {
+                    (2 * at).saturating_sub(1)..(2 * at + 1).min(self.from.size[axis])
+                });
                 for channel in (0..channels).step_by(lanes) {
                     let mut value = ops.splat(f32::NEG_INFINITY);
-                    // SAFETY: both maps hold the cells, and the channels are whole vectors, as asserted above.
+                    // SAFETY: both maps hold the cells, and the channels are whole vectors, as
+                    // asserted above.
                     unsafe {
                         for row in rows.clone() {
                             for column in columns.clone() {
-                                let cell = self.input.as_ptr().add(self.from.at(column, row) + channel);
+                                let cell =
+                                    self.input.as_ptr().add(self.from.at(column, row) + channel);
                                 value = larger(isa, value, ops.load_ptr(cell));
                             }
                         }
                         let scale = ops.load_ptr(scale.as_ptr().add(channel));
                         let bias = ops.load_ptr(self.epilogue.bias.as_ptr().add(channel));
                         let value = larger(isa, floor, ops.mul_add(scale, value, bias));
-                        let to = self.output.as_mut_ptr().add(self.to.at(column, row) + channel);
+                        let to = self
+                            .output
+                            .as_mut_ptr()
+                            .add(self.to.at(column, row) + channel);
                         ops.store_ptr(value, to);
                     }
                 }

@@ -10,11 +10,11 @@ use super::simd::larger;
 /// Cells whose weights are added up in f32 before they are added to the sum in f64.
 const RUN: usize = 32;
 
-/// Expected positions (x, y) under the softmax of every channel; -1 and +1 are the centres of the border cells (paper,
-/// section 2).
+/// Expected positions (x, y) under the softmax of every channel; -1 and +1 are the centres of the
+/// border cells (paper, section 2).
 ///
-/// The maximum is subtracted first, so that no activation overflows. A channel with a value that is not finite gives
-/// NaN.
+/// The maximum is subtracted first, so that no activation overflows. A channel with a value that is
+/// not finite gives NaN.
 pub(super) struct SoftArgmax<'a> {
     pub input: &'a [f32],
     pub from: Map,
@@ -38,7 +38,11 @@ impl SimdOp for SoftArgmax<'_> {
         for (group, points) in self.points.chunks_mut(lanes).enumerate() {
             // SAFETY: the map holds every cell with all its channels.
             let cell = |column: usize, row: usize| unsafe {
-                ops.load_ptr(self.input.as_ptr().add(self.from.at(column, row) + group * lanes))
+                ops.load_ptr(
+                    self.input
+                        .as_ptr()
+                        .add(self.from.at(column, row) + group * lanes),
+                )
             };
             let mut max = ops.splat(f32::NEG_INFINITY);
             // 0, as long as all values are finite: `max` may look over a NaN.
@@ -87,7 +91,9 @@ pub(super) fn softmax(map: &[f32], temperature: f32) -> Vec<f32> {
     let max = map.iter().map(activation).fold(f32::NEG_INFINITY, f32::max);
     let weight = |value: &f32| f64::from((activation(value) - max).exp());
     let total: f64 = map.iter().map(weight).sum();
-    map.iter().map(|value| (weight(value) / total) as f32).collect()
+    map.iter()
+        .map(|value| (weight(value) / total) as f32)
+        .collect()
 }
 
 /// `linspace(-1, 1, cells)[i]`; a single cell is at -1, as PyTorch has it.

@@ -1,14 +1,15 @@
-//! Convolutions by Winograd's algorithm: a tile of M x M outputs costs as many products as it has cells instead of
-//! M² kernel², at the price of additions.
+//! Convolutions by Winograd's algorithm: a tile of M x M outputs costs as many products as it has
+//! cells instead of M² kernel², at the price of additions.
 //!
-//! Tiles of 6 x 6 cells serve filters of 3 x 3 (M = 4) and 5 x 5 (M = 2) with stride 1, which differ in the transforms of
-//! filters and results only. Filters of 3 x 3 with stride 2 take tiles of 9 x 9 (M = 4): along an axis, the first and the
-//! last tap meet every other cell, which is a filter of 2 taps with stride 1 and has a transform of 5 points; the middle
-//! tap meets the 4 cells between, which stay as they are. So 81 products do the work of 144.
+//! Tiles of 6 x 6 cells serve filters of 3 x 3 (M = 4) and 5 x 5 (M = 2) with stride 1, which
+//! differ in the transforms of filters and results only. Filters of 3 x 3 with stride 2 take tiles
+//! of 9 x 9 (M = 4): along an axis, the first and the last tap meet every other cell, which is a
+//! filter of 2 taps with stride 1 and has a transform of 5 points; the middle tap meets the 4 cells
+//! between, which stay as they are. So 81 products do the work of 144.
 //!
-//! Tiles go through in blocks whose transforms stay in the second-level cache: input transform of a block, then for every
-//! panel of outputs the products and the output transform, which adds the bias, pools and applies the ReLU, so that no sum
-//! is written to memory other than as a result.
+//! Tiles go through in blocks whose transforms stay in the second-level cache: input transform of a
+//! block, then for every panel of outputs the products and the output transform, which adds the
+//! bias, pools and applies the ReLU, so that no sum is written to memory other than as a result.
 //!
 //! A. Lavin, S. Gray: Fast Algorithms for Convolutional Neural Networks (2016).
 
@@ -21,8 +22,8 @@ use super::map::Map;
 use super::simd::larger;
 use crate::error::Result;
 
-/// The points at which the polynomials of tiles with stride 1 are evaluated: 0, ±[`NEAR`], ±[`FAR`] and infinity. With
-/// stride 2 they are 0, ±[`NEAR`], [`FAR`] and infinity.
+/// The points at which the polynomials of tiles with stride 1 are evaluated: 0, ±[`NEAR`], ±[`FAR`]
+/// and infinity. With stride 2 they are 0, ±[`NEAR`], [`FAR`] and infinity.
 const NEAR: f32 = 1.0;
 pub(crate) const FAR: f32 = 2.0;
 
@@ -63,7 +64,8 @@ impl Tiling {
 
     /// Tiles along the axes for `convolved` cells.
     pub fn tiles(&self, pool: bool, convolved: [usize; 2]) -> [usize; 2] {
-        // A pool takes its first maximum over the first row and the one before it, so tiles begin there as well.
+        // A pool takes its first maximum over the first row and the one before it, so tiles begin
+        // there as well.
         convolved.map(|side| (side + usize::from(pool)).div_ceil(self.outputs))
     }
 
@@ -72,8 +74,8 @@ impl Tiling {
         (tiles * self.outputs - 1) * self.stride + self.kernel
     }
 
-    /// Cells in front of the input of a convolution and behind it on both axes, of which `size` come in and `convolved`
-    /// out.
+    /// Cells in front of the input of a convolution and behind it on both axes, of which `size`
+    /// come in and `convolved` out.
     pub fn frame(
         &self,
         padding: usize,
@@ -88,7 +90,8 @@ impl Tiling {
         (before, after)
     }
 
-    /// Tiles that are transformed at a time, and numbers that a convolution of `tiles` needs beside input and output.
+    /// Tiles that are transformed at a time, and numbers that a convolution of `tiles` needs beside
+    /// input and output.
     pub fn scratch(&self, lanes: usize, channels: usize, tiles: usize) -> (usize, usize) {
         let rows = tile_rows(lanes);
         let most = (BLOCK / (self.places() * channels)).clamp(rows, 32 * rows);
@@ -102,7 +105,8 @@ impl Tiling {
     /// What the taps of an axis become: `kernel` factors for every place.
     pub fn filter_transform(&self) -> Vec<f64> {
         let points = [0.0, NEAR, -NEAR, FAR, -FAR].map(f64::from);
-        // The taps that are a filter with stride 1; the place of a tap between them stands for itself.
+        // The taps that are a filter with stride 1; the place of a tap between them stands for
+        // itself.
         let taps: Vec<usize> = (0..self.kernel).step_by(self.stride).collect();
         let finite = &points[..self.outputs + taps.len() - 2];
         let mut matrix = vec![0.0f64; self.side * self.kernel];
@@ -123,8 +127,8 @@ impl Tiling {
         matrix
     }
 
-    /// The filters (outputs x inputs x kernel x kernel, by `at`) at the tile's points of `row`, packed for the product: a
-    /// matrix inputs x outputs for every place of that row.
+    /// The filters (outputs x inputs x kernel x kernel, by `at`) at the tile's points of `row`,
+    /// packed for the product: a matrix inputs x outputs for every place of that row.
     ///
     /// # Errors
     /// When there is no memory for them.
@@ -162,8 +166,8 @@ impl Tiling {
     }
 }
 
-/// What a convolution gives: every sum plus a bias, or the largest of 2 x 2 sums times a scale plus a bias; then what is
-/// below `floor` is raised to it.
+/// What a convolution gives: every sum plus a bias, or the largest of 2 x 2 sums times a scale plus
+/// a bias; then what is below `floor` is raised to it.
 pub(crate) struct Epilogue<'a> {
     /// Of the batch norm after a pool; one number an output.
     pub scale: Option<&'a [f32]>,
@@ -195,7 +199,8 @@ struct Strides {
 }
 
 impl Strides {
-    /// An odd number of cache lines: with a power of two, all places would fall into one set of the cache.
+    /// An odd number of cache lines: with a power of two, all places would fall into one set of the
+    /// cache.
     fn new(block: usize, channels: usize, lanes: usize) -> Self {
         let odd = |numbers: usize| (numbers.div_ceil(LINE) | 1) * LINE;
         Self {
@@ -243,7 +248,10 @@ impl Block {
 
 impl Winograd<'_> {
     #[inline(always)]
-    fn run<I: Isa, const ROWS: usize, const SIDE: usize, const M: usize, const POOL: bool>(mut self, isa: I) {
+    fn run<I: Isa, const ROWS: usize, const SIDE: usize, const M: usize, const POOL: bool>(
+        mut self,
+        isa: I,
+    ) {
         let lanes = isa.f32().len();
         let inputs = self.from.channels;
         let outputs = self.to.channels;
@@ -262,8 +270,14 @@ impl Winograd<'_> {
             assert_eq!([panels.steps(), panels.columns()], [inputs, outputs]);
         }
         assert_eq!(self.epilogue.bias.len(), outputs);
-        assert!(self.epilogue.scale.is_none_or(|scale| scale.len() == outputs));
-        let expected = self.convolved.map(|side| if POOL { side / 2 + 1 } else { side });
+        assert!(
+            self.epilogue
+                .scale
+                .is_none_or(|scale| scale.len() == outputs)
+        );
+        let expected = self
+            .convolved
+            .map(|side| if POOL { side / 2 + 1 } else { side });
         assert_eq!(self.to.size, expected);
         let tiles = across * down;
         for first in (0..tiles).step_by(block) {
@@ -292,7 +306,12 @@ impl Winograd<'_> {
     /// Places x tiles x channels.
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
-    unsafe fn transform_input<I: Isa, const SIDE: usize>(&mut self, isa: I, block: Block, strides: &Strides) {
+    unsafe fn transform_input<I: Isa, const SIDE: usize>(
+        &mut self,
+        isa: I,
+        block: Block,
+        strides: &Strides,
+    ) {
         let ops = isa.f32();
         let lanes = ops.len();
         let channels = self.from.channels;
@@ -301,7 +320,8 @@ impl Winograd<'_> {
         for tile in 0..block.count {
             let [x, y] = block.place(tile).map(|place| place * step);
             for channel in (0..channels).step_by(lanes) {
-                // SAFETY: `run` asserts that the frame holds all tiles, and scratch a block of them.
+                // SAFETY: `run` asserts that the frame holds all tiles, and scratch a block of
+                // them.
                 unsafe {
                     let from = self.input.as_ptr().add(y * pitch + x * channels + channel);
                     let to = self.scratch.as_mut_ptr().add(tile * channels + channel);
@@ -340,15 +360,19 @@ impl Winograd<'_> {
         let ops = isa.f32();
         let lanes = ops.len();
         let channels = self.from.channels;
-        let (source, product) = self.scratch.split_at_mut(self.tiling.places() * strides.source);
+        let (source, product) = self
+            .scratch
+            .split_at_mut(self.tiling.places() * strides.source);
         for (place, panels) in self.panels.iter().enumerate() {
             let panel = panels.panel(first).as_ptr();
             let mut tile = 0;
             while tile < block.count {
-                // SAFETY: scratch holds a block, which is a multiple of ROWS tiles; what is computed for tiles behind the
-                // last one is never looked at.
+                // SAFETY: scratch holds a block, which is a multiple of ROWS tiles; what is
+                // computed for tiles behind the last one is never looked at.
                 unsafe {
-                    let left = source.as_ptr().add(place * strides.source + tile * channels);
+                    let left = source
+                        .as_ptr()
+                        .add(place * strides.source + tile * channels);
                     let mut sums = [[ops.zero(); N]; ROWS];
                     multiply::<I, ROWS, N>(isa, &mut sums, left, channels, panel, channels);
                     let to = product
@@ -395,14 +419,16 @@ impl Winograd<'_> {
             let whole = skipped == [0; 2] && held == [M; 2];
             for i in 0..N {
                 let channel = first + i * lanes;
-                // SAFETY: scratch holds the block's products; cells are written only where `run` asserts that they are.
+                // SAFETY: scratch holds the block's products; cells are written only where `run`
+                // asserts that they are.
                 unsafe {
                     let from = product.as_ptr().add((tile * N + i) * lanes);
                     let mut half = [[ops.zero(); M]; SIDE];
                     for (column, half) in half.iter_mut().enumerate() {
                         let mut places = [ops.zero(); SIDE];
                         for (row, place) in places.iter_mut().enumerate() {
-                            *place = ops.load_ptr(from.add((row * SIDE + column) * strides.product));
+                            *place =
+                                ops.load_ptr(from.add((row * SIDE + column) * strides.product));
                         }
                         *half = output_cells::<I, SIDE, M>(isa, places);
                     }
@@ -444,7 +470,10 @@ impl Winograd<'_> {
                                     let value = larger(isa, pairs[0], pairs[1]);
                                     let value = larger(isa, floor, ops.mul_add(scale, value, bias));
                                     let to = self.output.as_mut_ptr();
-                                    ops.store_ptr(value, to.add(self.to.at(at[0], at[1]) + channel));
+                                    ops.store_ptr(
+                                        value,
+                                        to.add(self.to.at(at[0], at[1]) + channel),
+                                    );
                                 }
                             }
                         }
@@ -455,7 +484,8 @@ impl Winograd<'_> {
                             for (column, cell) in cells.iter().enumerate() {
                                 if whole || (row < held[1] && column < held[0]) {
                                     let value = larger(isa, floor, ops.add(*cell, bias));
-                                    let to = to.add(row * self.to.pitch() + column * self.to.channels);
+                                    let to =
+                                        to.add(row * self.to.pitch() + column * self.to.channels);
                                     ops.store_ptr(value, to);
                                 }
                             }
@@ -504,10 +534,14 @@ pub(crate) fn input_points<I: Isa, const SIDE: usize>(isa: I, d: [I::F32; SIDE])
     points
 }
 
-/// The output transform along one axis: result i is the sum of a point's product times the point to the power of i, and
-/// the last one has infinity's as well. With stride 2, the products of the middle tap are added.
+/// The output transform along one axis: result i is the sum of a point's product times the point to
+/// the power of i, and the last one has infinity's as well. With stride 2, the products of the
+/// middle tap are added.
 #[inline(always)]
-fn output_cells<I: Isa, const SIDE: usize, const M: usize>(isa: I, m: [I::F32; SIDE]) -> [I::F32; M] {
+fn output_cells<I: Isa, const SIDE: usize, const M: usize>(
+    isa: I,
+    m: [I::F32; SIDE],
+) -> [I::F32; M] {
     let ops = isa.f32();
     let strided = SIDE == 9;
     let even = ops.add(m[1], m[2]);

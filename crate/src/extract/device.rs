@@ -10,8 +10,8 @@ use crate::engine::{self, LatentGrid, finite};
 use crate::error::Result;
 use crate::model::{Encoder, points_xy, points_xy_async};
 
-/// An [`Extractor`] on a device of burn, a GPU for one, which is at its best with many frames at a time:
-/// [`prepare`](Self::prepare) them on the CPU, then [`run`](Self::run) them together.
+/// An [`Extractor`] on a device of burn, a GPU for one, which is at its best with many frames at a
+/// time: [`prepare`](Self::prepare) them on the CPU, then [`run`](Self::run) them together.
 pub struct DeviceExtractor {
     /// Knows sizes; nothing runs on it.
     plan: engine::Encoder,
@@ -57,16 +57,20 @@ impl DeviceExtractor {
         })
     }
 
-    /// How many frames of a size of the image, `[width, height]`, may go through the encoder together when no tensor may
-    /// take more than `tensor_limit` bytes; 0 when a single one is too large.
+    /// How many frames of a size of the image, `[width, height]`, may go through the encoder
+    /// together when no tensor may take more than `tensor_limit` bytes; 0 when a single one is too
+    /// large.
     pub fn frames_within(&self, image_size: [u32; 2], tensor_limit: u64) -> usize {
         let config = self.plan.config();
-        let size = config.input_size.unwrap_or(image_size.map(|side| side as usize));
+        let size = config
+            .input_size
+            .unwrap_or(image_size.map(|side| side as usize));
         let bytes = config.largest_maps(size) as u64 * size_of::<f32>() as u64;
         usize::try_from(tensor_limit / bytes.max(1)).unwrap_or(usize::MAX)
     }
 
-    /// The keypoints of frames, in their order. Neighbours of one size go through the encoder together.
+    /// The keypoints of frames, in their order. Neighbours of one size go through the encoder
+    /// together.
     ///
     /// # Errors
     /// When the device fails. An error of a single frame is in its place.
@@ -78,21 +82,29 @@ impl DeviceExtractor {
         Ok(found)
     }
 
-    /// As [`run`](Self::run); the thread does not wait for the device, which a browser does not allow.
+    /// As [`run`](Self::run); the thread does not wait for the device, which a browser does not
+    /// allow.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     pub async fn run_async(&self, frames: &[Prepared]) -> Result<Vec<Result<Extraction>>> {
         let mut found = Vec::with_capacity(frames.len());
         for batch in batches(frames) {
-            found.extend(extractions(batch, &points_xy_async(self.forward(batch)).await?));
+            found.extend(extractions(
+                batch,
+                &points_xy_async(self.forward(batch)).await?,
+            ));
         }
         Ok(found)
     }
 
     fn forward(&self, batch: &[Prepared]) -> Tensor<3> {
         let [width, height] = batch[0].size;
-        let values: Vec<f32> = batch.iter().flat_map(|frame| &frame.values).copied().collect();
+        let values: Vec<f32> = batch
+            .iter()
+            .flat_map(|frame| &frame.values)
+            .copied()
+            .collect();
         let data = TensorData::new(values, [batch.len(), 3, height, width]);
         self.encoder.forward(Tensor::from_data(data, &self.device))
     }
@@ -103,14 +115,23 @@ fn batches(frames: &[Prepared]) -> impl Iterator<Item = &[Prepared]> {
     frames.chunk_by(|a, b| a.size == b.size)
 }
 
-fn extractions(batch: &[Prepared], points: &Array3<f64>) -> impl Iterator<Item = Result<Extraction>> {
-    batch.iter().zip(points.outer_iter()).map(|(frame, points)| {
-        let points = points.outer_iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
-        finite(points).map(|points| Extraction {
-            points,
-            image_size: frame.image_size,
+fn extractions(
+    batch: &[Prepared],
+    points: &Array3<f64>,
+) -> impl Iterator<Item = Result<Extraction>> {
+    batch
+        .iter()
+        .zip(points.outer_iter())
+        .map(|(frame, points)| {
+            let points = points
+                .outer_iter()
+                .map(|p| [p[0] as f32, p[1] as f32])
+                .collect();
+            finite(points).map(|points| Extraction {
+                points,
+                image_size: frame.image_size,
+            })
         })
-    })
 }
 
 impl Extractor for DeviceExtractor {

@@ -1,7 +1,8 @@
 //! Frames to keypoints, on whichever device.
 //!
-//! [`Extractor`] is the one interface: encoded bytes of a frame in, keypoints out. The terminal deals frames to
-//! threads with one extractor each or gives a GPU many at a time, the page deals them to a worker.
+//! [`Extractor`] is the one interface: encoded bytes of a frame in, keypoints out. The terminal
+//! deals frames to threads with one extractor each or gives a GPU many at a time, the page deals
+//! them to a worker.
 
 #[cfg(feature = "model")]
 mod device;
@@ -81,7 +82,9 @@ impl<E: std::borrow::Borrow<Encoder>> CpuExtractor<E> {
     /// # Errors
     /// As [`Encoder::heat_map`].
     pub fn heat_map(&mut self, frame: &Frame, n: usize) -> Result<HeatMap> {
-        self.encoder.borrow().heat_map(&mut self.workspace, frame, n)
+        self.encoder
+            .borrow()
+            .heat_map(&mut self.workspace, frame, n)
     }
 }
 

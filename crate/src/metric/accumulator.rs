@@ -5,8 +5,9 @@ use ndarray::ArrayView2;
 use super::moments::{Moments, ObjectMoments};
 use crate::error::{Error, Result};
 
-/// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache make the
-/// centred moments exact to rounding wherever the cloud of points lies, which running sums do not.
+/// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
+/// make the centred moments exact to rounding wherever the cloud of points lies, which running sums
+/// do not.
 const BLOCK: usize = 64;
 
 /// Keypoints handled at once; rows of the block are padded to a multiple of it.
@@ -38,8 +39,8 @@ impl std::str::FromStr for NonFinite {
 
 /// Streaming accumulator of the metric: push frames, merge with others, finish.
 ///
-/// O(N K) time a frame, O(N K) memory whatever the number of frames. Splitting the frames over accumulators
-/// and merging them gives the same moments up to rounding.
+/// O(N K) time a frame, O(N K) memory whatever the number of frames. Splitting the frames over
+/// accumulators and merging them gives the same moments up to rounding.
 #[derive(Debug, Clone)]
 pub struct Accumulator {
     keypoints: usize,
@@ -101,12 +102,12 @@ impl Accumulator {
         }
     }
 
-    /// Adds a frame: N x 2 `keypoints` and the K x 2 `truth` in ndc, (x, y). A NaN in an object's truth means
-    /// that it is not visible in this frame, which then does not count for it.
+    /// Adds a frame: N x 2 `keypoints` and the K x 2 `truth` in ndc, (x, y). A NaN in an object's
+    /// truth means that it is not visible in this frame, which then does not count for it.
     ///
     /// # Errors
-    /// When a shape is not (N, 2) or (K, 2), when a truth is infinite, and when a keypoint is not finite under
-    /// [`NonFinite::Error`]. The accumulator is unchanged then.
+    /// When a shape is not (N, 2) or (K, 2), when a truth is infinite, and when a keypoint is not
+    /// finite under [`NonFinite::Error`]. The accumulator is unchanged then.
     pub fn push(&mut self, keypoints: ArrayView2<f64>, truth: ArrayView2<f64>) -> Result<()> {
         let expected = [(self.keypoints, 2), (self.objects.len(), 2)];
         if [keypoints.dim(), truth.dim()] != expected {
@@ -133,7 +134,8 @@ impl Accumulator {
         let ys = &mut ys[at..at + self.keypoints];
         match keypoints.as_slice() {
             Some(points) => {
-                for ((x, y), point) in xs.iter_mut().zip(ys.iter_mut()).zip(points.chunks_exact(2)) {
+                for ((x, y), point) in xs.iter_mut().zip(ys.iter_mut()).zip(points.chunks_exact(2))
+                {
                     (*x, *y) = (point[0], point[1]);
                 }
             }
@@ -143,7 +145,8 @@ impl Accumulator {
                 }
             }
         }
-        // Zero times a finite number is zero, times anything else it is NaN. In lanes, so that it vectorises.
+        // Zero times a finite number is zero, times anything else it is NaN. In lanes, so that it
+        // vectorises.
         let mut probe = [0.0; LANES];
         for row in &self.pending.keypoint {
             for lane in row[at..at + self.pending.stride].chunks_exact(LANES) {
@@ -218,8 +221,8 @@ impl Accumulator {
         }
     }
 
-    /// Takes the moments of the pending frames, with the widest vectors the CPU has. Lanes do not mix and nothing is
-    /// fused, so the numbers are the same with every width.
+    /// Takes the moments of the pending frames, with the widest vectors the CPU has. Lanes do not
+    /// mix and nothing is fused, so the numbers are the same with every width.
     fn flush(&mut self) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
@@ -240,7 +243,8 @@ impl Accumulator {
     fn flush_lanes(&mut self) {
         let block = &mut self.pending;
         let scratch = &mut self.scratch;
-        // Objects visible in the same frames share the keypoints' own moments; mostly that is all of them.
+        // Objects visible in the same frames share the keypoints' own moments; mostly that is all
+        // of them.
         let mut centred_for: Option<Vec<usize>> = None;
         for (object, truth) in self.objects.iter_mut().zip(&mut block.truth) {
             scratch.visible.clear();
@@ -270,7 +274,8 @@ impl Centred {
             let pivot = &source[first..first + stride];
             let mean = &mut self.mean[axis][..];
             mean.fill(0.0);
-            // Deviations from the first frame: exact zeros for a constant keypoint, whatever its value.
+            // Deviations from the first frame: exact zeros for a constant keypoint, whatever its
+            // value.
             for t in &self.visible {
                 let row = &source[t * stride..(t + 1) * stride];
                 for ((m, z), p) in mean.iter_mut().zip(row).zip(pivot) {
@@ -280,7 +285,10 @@ impl Centred {
             for (m, p) in mean.iter_mut().zip(pivot) {
                 *m = p + *m / count as f64;
             }
-            for (row, t) in self.keypoint[axis].chunks_exact_mut(stride).zip(&self.visible) {
+            for (row, t) in self.keypoint[axis]
+                .chunks_exact_mut(stride)
+                .zip(&self.visible)
+            {
                 let source = &source[t * stride..(t + 1) * stride];
                 for ((c, z), m) in row.iter_mut().zip(source).zip(mean.iter()) {
                     *c = z - m;
@@ -335,7 +343,8 @@ impl Centred {
         let outside = |t: &&usize| truth[**t].iter().any(|v| v.abs() > 1.0);
         moments.outside = self.visible.iter().filter(outside).count() as u64;
         moments.truth_mean = mean;
-        moments.truth_squares = [0, 1].map(|axis| self.truth.iter().map(|d| d[axis] * d[axis]).sum());
+        moments.truth_squares =
+            [0, 1].map(|axis| self.truth.iter().map(|d| d[axis] * d[axis]).sum());
         let n = moments.cross[0].len();
         for lane in (0..stride).step_by(LANES) {
             let mut sums = [[0.0; LANES]; 4];

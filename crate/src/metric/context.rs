@@ -1,21 +1,23 @@
-//! What others measure of the same data, for context: linear regression with PCK, and min-cost assignment.
+//! What others measure of the same data, for context: linear regression with PCK, and min-cost
+//! assignment.
 //!
-//! Neither says which keypoint follows which object over time, which is what the tracking error is for; `docs/metrics.md`
-//! has the definitions, their sources and where these differ.
+//! Neither says which keypoint follows which object over time, which is what the tracking error is
+//! for; `docs/metrics.md` has the definitions, their sources and where these differ.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use ndarray::{ArrayView2, ArrayView3, Axis};
 
 use crate::error::{Error, Result};
 
-/// Distances that count as close, as shares of the side of the image: 2 %, 6 of 128 pixels (Jakab et al., 2018), 10 %.
+/// Distances that count as close, as shares of the side of the image: 2 %, 6 of 128 pixels (Jakab
+/// et al., 2018), 10 %.
 pub const CLOSE: [f64; 3] = [0.02, 6.0 / 128.0, 0.1];
 
 /// The side of an image in ndc.
 const SIDE: f64 = 2.0;
 
-/// Directions of the keypoints' joint motion with a standard deviation below this share of the largest are left out of
-/// the regression, as under [`Rank::Centred`](super::Rank::Centred).
+/// Directions of the keypoints' joint motion with a standard deviation below this share of the
+/// largest are left out of the regression, as under [`Rank::Centred`](super::Rank::Centred).
 const BOUND: f64 = 1e-6;
 
 /// One object predicted from all keypoints.
@@ -23,7 +25,8 @@ const BOUND: f64 = 1e-6;
 pub struct Regression {
     /// Frames that were predicted.
     pub frames: u64,
-    /// The mean squared distance of the predictions (ndc); `None` where no frame could be predicted.
+    /// The mean squared distance of the predictions (ndc); `None` where no frame could be
+    /// predicted.
     pub error: Option<f64>,
     /// PCK: for each of [`CLOSE`] the share of the frames whose prediction is that close.
     pub close: Option<[f64; CLOSE.len()]>,
@@ -36,18 +39,19 @@ pub struct Assignment {
     pub keypoints: u64,
     /// The number of trajectories of objects.
     pub objects: u64,
-    /// For each of [`CLOSE`] the share of the keypoints' trajectories that are matched that closely.
+    /// For each of [`CLOSE`] the share of the keypoints' trajectories that are matched that
+    /// closely.
     pub precision: [f64; CLOSE.len()],
     /// For each of [`CLOSE`] the share of the objects' trajectories that are matched that closely.
     pub recall: [f64; CLOSE.len()],
 }
 
-/// Predicts every object's position as a linear function of all keypoints plus a constant, by least squares (of smallest
-/// norm where keypoints do not move independently).
+/// Predicts every object's position as a linear function of all keypoints plus a constant, by least
+/// squares (of smallest norm where keypoints do not move independently).
 ///
-/// `keypoints` is T x N x 2, `truth` T x K x 2 in ndc (NaN: not visible). `folds` gives every frame its fold: a frame is then
-/// predicted from the frames of the other folds; without it the frames that are fitted are predicted. Frames with a
-/// keypoint that is not finite are left out.
+/// `keypoints` is T x N x 2, `truth` T x K x 2 in ndc (NaN: not visible). `folds` gives every frame
+/// its fold: a frame is then predicted from the frames of the other folds; without it the frames
+/// that are fitted are predicted. Frames with a keypoint that is not finite are left out.
 ///
 /// # Errors
 /// When the numbers of frames differ.
@@ -72,7 +76,10 @@ pub fn regression(
         let visible: Vec<usize> = usable.iter().filter(seen).copied().collect();
         let row = |t: usize| -> DVector<f64> {
             let points = keypoints.index_axis(Axis(0), t);
-            let values = points.iter().copied().chain([truth[[t, k, 0]], truth[[t, k, 1]]]);
+            let values = points
+                .iter()
+                .copied()
+                .chain([truth[[t, k, 0]], truth[[t, k, 1]]]);
             DVector::from_iterator(points.len() + 2, values)
         };
         regress(&visible, row, folds, count)
@@ -103,7 +110,8 @@ impl Sums {
         self.second += &other.second;
     }
 
-    /// Least squares of the last two columns on the others and a constant: the 2 x D matrix and the shift.
+    /// Least squares of the last two columns on the others and a constant: the 2 x D matrix and the
+    /// shift.
     fn solve(&self) -> (DMatrix<f64>, DVector<f64>) {
         let inputs = self.first.len() - 2;
         let mean = &self.first / self.count;
@@ -187,11 +195,12 @@ fn regress(
     }
 }
 
-/// Matches keypoints, as they are, to objects: in every trajectory one to one, with the smallest sum of mean Euclidean
-/// distances (ndc), of which those above a bound do not count.
+/// Matches keypoints, as they are, to objects: in every trajectory one to one, with the smallest
+/// sum of mean Euclidean distances (ndc), of which those above a bound do not count.
 ///
-/// `keypoints` is T x N x 2, `truth` T x K x 2 in ndc (NaN: not visible), `trajectories` are ranges of frames. Frames with a
-/// keypoint that is not finite are left out, as are objects from trajectories that do not show them.
+/// `keypoints` is T x N x 2, `truth` T x K x 2 in ndc (NaN: not visible), `trajectories` are ranges
+/// of frames. Frames with a keypoint that is not finite are left out, as are objects from
+/// trajectories that do not show them.
 ///
 /// # Errors
 /// When the numbers of frames differ.
@@ -253,9 +262,11 @@ fn is_finite(points: ArrayView2<f64>) -> bool {
     points.iter().all(|v| v.is_finite())
 }
 
-/// Pairs (row, column) of a matrix of finite costs with the smallest sum; as many as its shorter side has.
+/// Pairs (row, column) of a matrix of finite costs with the smallest sum; as many as its shorter
+/// side has.
 ///
-/// The Hungarian method with potentials, O(rows^2 columns): a row after the other is added along a shortest path.
+/// The Hungarian method with potentials, O(rows^2 columns): a row after the other is added along a
+/// shortest path.
 fn min_cost(costs: &[Vec<f64>]) -> Vec<(usize, usize)> {
     let (rows, columns) = (costs.len(), costs.first().map_or(0, Vec::len));
     if rows > columns {

@@ -6,8 +6,9 @@ use super::map::{self, Fit, Rank, Transform};
 use super::moments::Moments;
 use crate::error::{Error, Result};
 
-/// The paper's threshold for an object of its PandaPush task (cube and target 0.015, eef 0.1; appendix,
-/// "Evaluation"), and 0.015 for any other. It applies to the mean squared distance in ndc.
+/// The paper's threshold for an object of its PandaPush task (cube and target 0.015, eef 0.1;
+/// appendix, "Evaluation"), and 0.015 for any other. It applies to the mean squared distance in
+/// ndc.
 pub fn default_threshold(name: &str) -> f64 {
     if name == "eef" { 0.1 } else { 0.015 }
 }
@@ -47,7 +48,8 @@ pub struct Settings {
     pub rank: Rank,
 }
 
-/// The metric of one detector on one recording. Fitted and scored on the same frames, as the authors' code.
+/// The metric of one detector on one recording. Fitted and scored on the same frames, as the
+/// authors' code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
     /// TC: the share of tracked objects (equation 2).
@@ -77,7 +79,8 @@ pub struct ObjectEvaluation {
     pub tracked: bool,
     /// The number of frames in which it is visible; only these count.
     pub frames: u64,
-    /// The number of those frames in which it lies outside the image. They count, as in the authors' code.
+    /// The number of those frames in which it lies outside the image. They count, as in the
+    /// authors' code.
     pub outside: u64,
     /// Its best keypoint; `None` when it is visible in no frame.
     pub best: Option<Best>,
@@ -93,7 +96,8 @@ pub struct Best {
 }
 
 impl Moments {
-    /// The fitted map of keypoint `n` to object `k`, or `None` when the object is visible in no frame.
+    /// The fitted map of keypoint `n` to object `k`, or `None` when the object is visible in no
+    /// frame.
     ///
     /// # Panics
     /// When `n` or `k` is out of range.
@@ -105,8 +109,8 @@ impl Moments {
     /// Tracking errors, best keypoints and TC.
     ///
     /// # Errors
-    /// When there is no keypoint, no object or no frame, when the number of `objects` is not K, or when a
-    /// threshold is not a positive number.
+    /// When there is no keypoint, no object or no frame, when the number of `objects` is not K, or
+    /// when a threshold is not a positive number.
     pub fn evaluate(&self, objects: &[Object], settings: &Settings) -> Result<Evaluation> {
         if objects.len() != self.objects.len() {
             return Err(Error::mismatch(format!(

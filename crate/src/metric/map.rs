@@ -21,12 +21,13 @@ pub enum Transform {
 /// (the minimum-norm solution is taken).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rank {
-    /// As the authors' code: singular values of the design matrix `[z 1]` below `eps_f32 * max(T, columns)`
-    /// times the largest. Depends on the unit and the origin of the coordinates, so it belongs to ndc.
+    /// As the authors' code: singular values of the design matrix `[z 1]` below `eps_f32 * max(T,
+    /// columns)` times the largest. Depends on the unit and the origin of the coordinates, so it
+    /// belongs to ndc.
     #[default]
     Reference,
-    /// Directions whose standard deviation is below 1e-6 of the largest, on centred data: the same answer in
-    /// any unit and anywhere in the plane.
+    /// Directions whose standard deviation is below 1e-6 of the largest, on centred data: the same
+    /// answer in any unit and anywhere in the plane.
     Centred,
 }
 
@@ -137,8 +138,8 @@ impl Fit {
     }
 }
 
-/// Relative bound of [`Rank::Centred`] on standard deviations. Second moments in f64 resolve ratios of
-/// variances down to about 1e-14; this stays well above.
+/// Relative bound of [`Rank::Centred`] on standard deviations. Second moments in f64 resolve ratios
+/// of variances down to about 1e-14; this stays well above.
 const CENTRED_BOUND: f64 = 1e-6;
 
 pub(super) fn fit(pair: &PairMoments, transform: Transform, rank: Rank) -> Fit {
@@ -200,11 +201,11 @@ fn affine(m: &PairMoments, rank: Rank) -> Fit {
 
 /// Least squares of the truth on `[1 z]` from moments.
 ///
-/// With the centred products `C = V diag(d) V'` of the keypoint, the design matrix is `Q R` with
-/// `R = [[sqrt(T), sqrt(T) m'], [0, diag(sqrt(d)) V']]`, and `Q' x` follows from the cross products: all that
-/// the singular value decomposition of the T-row problem needs, in 3 x 3, without ever squaring the offset of
-/// the cloud from the origin. `columns` is the reference's number of columns (1 + moving axes), `widest` the
-/// largest variance the centred rule compares with.
+/// With the centred products `C = V diag(d) V'` of the keypoint, the design matrix is `Q R` with `R
+/// = [[sqrt(T), sqrt(T) m'], [0, diag(sqrt(d)) V']]`, and `Q' x` follows from the cross products:
+/// all that the singular value decomposition of the T-row problem needs, in 3 x 3, without ever
+/// squaring the offset of the cloud from the origin. `columns` is the reference's number of columns
+/// (1 + moving axes), `widest` the largest variance the centred rule compares with.
 fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit {
     let t = m.frames as f64;
     let [xx, xy, yy] = m.keypoint_squares;
@@ -212,12 +213,17 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
     let spread = eigen.eigenvalues.map(|d| d.max(0.0).sqrt());
     let axes = eigen.eigenvectors.transpose();
     let cross = Matrix2::new(m.cross[0], m.cross[1], m.cross[2], m.cross[3]);
-    // Noise of rounding in the moments, relative to where the cloud lies: not motion under any rule.
+    // Noise of rounding in the moments, relative to where the cloud lies: not motion under any
+    // rule.
     let offset = m.keypoint_mean[0].hypot(m.keypoint_mean[1]);
     let noise = 4.0 * f64::EPSILON * t.sqrt() * (offset + spread.max());
     let mut projected = axes * cross;
     for i in 0..2 {
-        let factor = if spread[i] > noise { 1.0 / spread[i] } else { 0.0 };
+        let factor = if spread[i] > noise {
+            1.0 / spread[i]
+        } else {
+            0.0
+        };
         projected.set_row(i, &(projected.row(i) * factor));
     }
     let explained = |column: usize| projected.column(column).norm_squared();
@@ -286,7 +292,12 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
                     }
                 }
             }
-            let a = Matrix2::new(weights[(1, 0)], weights[(2, 0)], weights[(1, 1)], weights[(2, 1)]);
+            let a = Matrix2::new(
+                weights[(1, 0)],
+                weights[(2, 0)],
+                weights[(1, 1)],
+                weights[(2, 1)],
+            );
             let b = Vector2::new(weights[(0, 0)], weights[(0, 1)]);
             fitted(a, b, squares, m.frames, kept < moving_axes + 1)
         }
@@ -294,10 +305,20 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
 }
 
 fn finite_root(widest: f64) -> f64 {
-    if widest.is_finite() { widest.sqrt() } else { 0.0 }
+    if widest.is_finite() {
+        widest.sqrt()
+    } else {
+        0.0
+    }
 }
 
-fn fitted(a: Matrix2<f64>, b: Vector2<f64>, squares: [f64; 2], frames: u64, direction_dropped: bool) -> Fit {
+fn fitted(
+    a: Matrix2<f64>,
+    b: Vector2<f64>,
+    squares: [f64; 2],
+    frames: u64,
+    direction_dropped: bool,
+) -> Fit {
     Fit {
         map: AffineMap {
             a: [[a[(0, 0)], a[(0, 1)]], [a[(1, 0)], a[(1, 1)]]],

@@ -1,15 +1,15 @@
 //! The paper's metric (section 3): do keypoints track ground-truth objects?
 //!
-//! For every keypoint `z_n` and object `x_k` a time-invariant map is fitted by ordinary least squares, and the
-//! tracking error is the mean over time of the squared distance that is left,
-//! `e_{n,k} = 1/T sum_t |A z_n^t + b - x_k^t|^2` (equation 1, which writes the sum; the thresholds belong to
-//! the mean, and the sum is reported beside it). The best keypoint of an object is `n*_k = argmin_n e_{n,k}`;
-//! the object is tracked when `e_{n*_k,k} <= mu_k`; the tracking capability TC is the share of tracked objects
-//! (equation 2).
+//! For every keypoint `z_n` and object `x_k` a time-invariant map is fitted by ordinary least
+//! squares, and the tracking error is the mean over time of the squared distance that is left,
+//! `e_{n,k} = 1/T sum_t |A z_n^t + b - x_k^t|^2` (equation 1, which writes the sum; the thresholds
+//! belong to the mean, and the sum is reported beside it). The best keypoint of an object is `n*_k
+//! = argmin_n e_{n,k}`; the object is tracked when `e_{n*_k,k} <= mu_k`; the tracking capability TC
+//! is the share of tracked objects (equation 2).
 //!
-//! Everything here is pure: arrays in, numbers out, f64, no I/O. Frames are pushed one by one into an
-//! [`Accumulator`], which keeps centred second moments only, so that a recording of any length takes O(N K)
-//! memory and can be split over threads and merged.
+//! Everything here is pure: arrays in, numbers out, f64, no I/O. Frames are pushed one by one into
+//! an [`Accumulator`], which keeps centred second moments only, so that a recording of any length
+//! takes O(N K) memory and can be split over threads and merged.
 //!
 //! ```
 //! use ndarray::array;
@@ -45,7 +45,8 @@ use ndarray::ArrayView3;
 
 use crate::error::Result;
 
-/// Scores keypoints (T x N x 2) against ground truth (T x K x 2, ndc; NaN = not visible) in one call.
+/// Scores keypoints (T x N x 2) against ground truth (T x K x 2, ndc; NaN = not visible) in one
+/// call.
 ///
 /// # Errors
 /// As [`Accumulator::push`] and [`Moments::evaluate`].

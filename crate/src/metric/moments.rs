@@ -2,8 +2,8 @@
 
 /// Moments over the frames in which one object is visible.
 ///
-/// `T`, the means of the keypoints and of the object, and the sums of products of the deviations from them.
-/// Structure of arrays over the N keypoints, so that merging vectorises.
+/// `T`, the means of the keypoints and of the object, and the sums of products of the deviations
+/// from them. Structure of arrays over the N keypoints, so that merging vectorises.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ObjectMoments {
     pub frames: u64,
@@ -51,7 +51,8 @@ impl ObjectMoments {
             self.truth_mean[axis] += to_mean * truth_step[axis];
         }
         for n in 0..self.keypoint_mean[0].len() {
-            let step = [0, 1].map(|axis| other.keypoint_mean[axis][n] - self.keypoint_mean[axis][n]);
+            let step =
+                [0, 1].map(|axis| other.keypoint_mean[axis][n] - self.keypoint_mean[axis][n]);
             for axis in 0..2 {
                 self.keypoint_mean[axis][n] += to_mean * step[axis];
             }
@@ -100,8 +101,8 @@ pub(super) struct PairMoments {
     pub cross: [f64; 4],
 }
 
-/// What an [`Accumulator`](super::Accumulator) knows of its frames: enough for every map, rank rule and
-/// threshold, in O(N K) memory.
+/// What an [`Accumulator`](super::Accumulator) knows of its frames: enough for every map, rank rule
+/// and threshold, in O(N K) memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moments {
     pub(super) keypoints: usize,

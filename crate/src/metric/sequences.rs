@@ -1,7 +1,8 @@
-//! How far a result would hold on other sequences: folds that the maps did not see, and intervals over sequences.
+//! How far a result would hold on other sequences: folds that the maps did not see, and intervals
+//! over sequences.
 //!
-//! Both take the moments of every sequence by itself. Frames of one sequence are much alike, so that sequences, not
-//! frames, are what is left out and drawn.
+//! Both take the moments of every sequence by itself. Frames of one sequence are much alike, so
+//! that sequences, not frames, are what is left out and drawn.
 
 use fastrand::Rng;
 
@@ -11,7 +12,8 @@ use super::moments::{Moments, PairMoments};
 use super::stats::percentile_interval;
 use crate::error::{Error, Result};
 
-/// The metric with maps and best keypoints that were chosen on other sequences than they are scored on.
+/// The metric with maps and best keypoints that were chosen on other sequences than they are scored
+/// on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeldOut {
     /// The number of folds.
@@ -27,8 +29,8 @@ pub struct HeldOut {
 pub struct HeldOutObject {
     /// Its name.
     pub name: String,
-    /// The mean squared distance over all frames, each with the map fitted without its fold (ndc); `None` when the object
-    /// is visible in no frame, or all its frames are in one fold.
+    /// The mean squared distance over all frames, each with the map fitted without its fold (ndc);
+    /// `None` when the object is visible in no frame, or all its frames are in one fold.
     pub error: Option<f64>,
     /// Whether the error is at most the threshold.
     pub tracked: bool,
@@ -45,8 +47,8 @@ pub struct Intervals {
     pub resamples: usize,
     /// Of the tracking capability.
     pub tracking_capability: [f64; 2],
-    /// Of the tracking error of each object's best keypoint, in the order given; `None` when a resample does not show
-    /// the object.
+    /// Of the tracking error of each object's best keypoint, in the order given; `None` when a
+    /// resample does not show the object.
     pub errors: Vec<Option<[f64; 2]>>,
 }
 
@@ -118,7 +120,8 @@ pub fn deal(sequences: usize, folds: usize, seed: u64) -> Result<Vec<usize>> {
     }
     let mut order: Vec<usize> = (0..sequences).collect();
     let mut rng = Rng::with_seed(seed);
-    // Numbers of a fixed width, unlike those of `shuffle`: WebAssembly deals as every other machine.
+    // Numbers of a fixed width, unlike those of `shuffle`: WebAssembly deals as every other
+    // machine.
     for i in 1..order.len() {
         order.swap(i, rng.u64(..=i as u64) as usize);
     }
@@ -129,8 +132,9 @@ pub fn deal(sequences: usize, folds: usize, seed: u64) -> Result<Vec<usize>> {
     Ok(fold_of)
 }
 
-/// Scores every fold of the sequences with the best keypoints and maps of the other folds. `parts` are the moments of one
-/// sequence each; `seed` deals them to the folds, whose numbers of sequences differ by one at most.
+/// Scores every fold of the sequences with the best keypoints and maps of the other folds. `parts`
+/// are the moments of one sequence each; `seed` deals them to the folds, whose numbers of sequences
+/// differ by one at most.
 ///
 /// # Errors
 /// When there are fewer than two folds, or fewer sequences than folds; as [`Moments::evaluate`].
@@ -181,18 +185,20 @@ pub fn held_out(
         .collect();
     Ok(HeldOut {
         folds,
-        tracking_capability: objects.iter().filter(|o| o.tracked).count() as f64 / objects.len() as f64,
+        tracking_capability: objects.iter().filter(|o| o.tracked).count() as f64
+            / objects.len() as f64,
         objects,
     })
 }
 
-/// Percentile intervals of TC and of the errors: `resamples` times as many sequences as there are, drawn with replacement.
-/// `parts` are the moments of one sequence each.
+/// Percentile intervals of TC and of the errors: `resamples` times as many sequences as there are,
+/// drawn with replacement. `parts` are the moments of one sequence each.
 ///
 /// The best keypoint is chosen anew in every resample. O(resamples x sequences x N x K) time.
 ///
 /// # Errors
-/// When there are fewer than two sequences, no resample, or `level` is not between 0 and 1; as [`Moments::evaluate`].
+/// When there are fewer than two sequences, no resample, or `level` is not between 0 and 1; as
+/// [`Moments::evaluate`].
 pub fn bootstrap(
     parts: &[Moments],
     resamples: usize,
@@ -250,7 +256,8 @@ impl Bootstrap {
             )));
         }
         for _ in 0..resamples {
-            let drawn = (0..parts.len()).map(|_| &parts[self.rng.u64(0..parts.len() as u64) as usize]);
+            let drawn =
+                (0..parts.len()).map(|_| &parts[self.rng.u64(0..parts.len() as u64) as usize]);
             let evaluation = Moments::of(drawn)?.evaluate(&self.objects, &self.settings)?;
             self.capabilities.push(evaluation.tracking_capability);
             for (errors, object) in self.errors.iter_mut().zip(&evaluation.objects) {
@@ -267,7 +274,9 @@ impl Bootstrap {
     pub fn finish(self) -> Result<Intervals> {
         let resamples = self.capabilities.len();
         if resamples == 0 {
-            return Err(Error::input("0 resamples of the sequences; expected at least 1"));
+            return Err(Error::input(
+                "0 resamples of the sequences; expected at least 1",
+            ));
         }
         Ok(Intervals {
             level: self.level,
@@ -278,7 +287,8 @@ impl Bootstrap {
                 .into_iter()
                 .map(|errors| {
                     let all = errors.len() == resamples;
-                    all.then(|| percentile_interval(&errors, self.level)).transpose()
+                    all.then(|| percentile_interval(&errors, self.level))
+                        .transpose()
                 })
                 .collect::<Result<_>>()?,
         })

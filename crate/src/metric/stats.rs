@@ -1,8 +1,9 @@
 //! Statistics over runs: how reliably an architecture tracks.
 //!
-//! One run says little (paper, section 5.1), so errors and capabilities are taken over many. Aggregates, intervals,
-//! performance profiles and the probability of improvement follow Agarwal et al., "Deep Reinforcement Learning at the Edge
-//! of the Statistical Precipice" (NeurIPS 2021), whose library is rliable; the tests hold them against it and SciPy.
+//! One run says little (paper, section 5.1), so errors and capabilities are taken over many.
+//! Aggregates, intervals, performance profiles and the probability of improvement follow Agarwal et
+//! al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice" (NeurIPS 2021),
+//! whose library is rliable; the tests hold them against it and SciPy.
 
 use fastrand::Rng;
 
@@ -55,13 +56,15 @@ impl Sample {
 /// When there is no value, one is NaN, or `share` is not within 0 and 1.
 pub fn quantile(values: &[f64], share: f64) -> Result<f64> {
     if !(0.0..=1.0).contains(&share) {
-        return Err(Error::input(format!("the quantile at {share}; expected 0 to 1")));
+        return Err(Error::input(format!(
+            "the quantile at {share}; expected 0 to 1"
+        )));
     }
     Ok(quantile_of_sorted(&sorted(values)?, share))
 }
 
-/// The interquartile mean as rliable has it: the mean without the lowest and the highest quarter of the values, each
-/// rounded down (`scipy.stats.trim_mean(values, 0.25)`).
+/// The interquartile mean as rliable has it: the mean without the lowest and the highest quarter of
+/// the values, each rounded down (`scipy.stats.trim_mean(values, 0.25)`).
 ///
 /// # Errors
 /// When there is no value, or one is NaN.
@@ -71,14 +74,18 @@ pub fn trimmed_mean(values: &[f64]) -> Result<f64> {
     Ok(mean(&sorted[cut..sorted.len() - cut]))
 }
 
-/// The interquartile mean by quantiles: the mean of the values from the lower to the upper quartile, both included.
+/// The interquartile mean by quantiles: the mean of the values from the lower to the upper
+/// quartile, both included.
 ///
 /// # Errors
 /// When there is no value, or one is NaN.
 pub fn quantile_window_mean(values: &[f64]) -> Result<f64> {
     let sorted = sorted(values)?;
     let [low, high] = [0.25, 0.75].map(|share| quantile_of_sorted(&sorted, share));
-    let inside: Vec<f64> = sorted.into_iter().filter(|v| (low..=high).contains(v)).collect();
+    let inside: Vec<f64> = sorted
+        .into_iter()
+        .filter(|v| (low..=high).contains(v))
+        .collect();
     // One or two values may have both quartiles between them.
     Ok(if inside.is_empty() {
         f64::midpoint(low, high)
@@ -87,12 +94,13 @@ pub fn quantile_window_mean(values: &[f64]) -> Result<f64> {
     })
 }
 
-/// The percentile interval of `statistic` by a stratified bootstrap: in each of `resamples`, every stratum (an object, a
-/// task) draws as many of its values as it has, with replacement. The strata are handed to `statistic` in their order.
+/// The percentile interval of `statistic` by a stratified bootstrap: in each of `resamples`, every
+/// stratum (an object, a task) draws as many of its values as it has, with replacement. The strata
+/// are handed to `statistic` in their order.
 ///
 /// # Errors
-/// When there is no stratum, or one without values or with NaN, no resample, `level` is not between 0 and 1, or
-/// `statistic` fails.
+/// When there is no stratum, or one without values or with NaN, no resample, `level` is not between
+/// 0 and 1, or `statistic` fails.
 pub fn stratified_interval(
     strata: &[Vec<f64>],
     resamples: usize,
@@ -147,11 +155,12 @@ pub fn percentile_interval(replicates: &[f64], level: f64) -> Result<[f64; 2]> {
         )));
     }
     let sorted = sorted(replicates)?;
-    Ok([(1.0 - level) / 2.0, f64::midpoint(1.0, level)].map(|share| quantile_of_sorted(&sorted, share)))
+    Ok([(1.0 - level) / 2.0, f64::midpoint(1.0, level)]
+        .map(|share| quantile_of_sorted(&sorted, share)))
 }
 
-/// The probability that a run of `a` has a lower error than one of `b`, by all pairs; equal errors count half
-/// (Mann and Whitney's U over the number of pairs).
+/// The probability that a run of `a` has a lower error than one of `b`, by all pairs; equal errors
+/// count half (Mann and Whitney's U over the number of pairs).
 ///
 /// # Errors
 /// When one has no value, or a value is NaN.
@@ -178,8 +187,9 @@ pub fn performance_profile(errors: &[f64], taus: &[f64]) -> Result<Vec<f64>> {
     Ok(taus.iter().map(share).collect())
 }
 
-/// `values` smoothed by a Gaussian of the standard deviation `sigma` (in values), cut off at four of them; at the ends the
-/// values are mirrored, the last one included (`scipy.ndimage.gaussian_filter1d`'s default).
+/// `values` smoothed by a Gaussian of the standard deviation `sigma` (in values), cut off at four
+/// of them; at the ends the values are mirrored, the last one included
+/// (`scipy.ndimage.gaussian_filter1d`'s default).
 ///
 /// # Errors
 /// When `sigma` is not a positive number.
@@ -261,7 +271,8 @@ mod tests {
         let draw = |_: usize| *next.next().expect("enough draws") as usize;
         let resamples = case["resamples"].as_u64().expect("a number") as usize;
         let statistic = |strata: &[Vec<f64>]| trimmed_mean(&strata.concat());
-        let interval = interval_of_draws(&strata, resamples, 0.95, draw, statistic).expect("an interval");
+        let interval =
+            interval_of_draws(&strata, resamples, 0.95, draw, statistic).expect("an interval");
         for (found, expected) in interval.iter().zip(numbers(&case["interval"])) {
             // Sums of 12 values of about 1 in another order.
             assert!((found - expected).abs() < 1e-14, "{found} {expected}");

@@ -8,9 +8,9 @@ const EPSILON: f64 = 1e-5;
 
 /// Batch normalization with PyTorch's running statistics.
 ///
-/// burn's own layer feeds the *biased* variance of a batch to its running variance; PyTorch, and with it every
-/// published checkpoint, feeds the unbiased one. Batches themselves are normalized by the biased variance in
-/// both.
+/// burn's own layer feeds the *biased* variance of a batch to its running variance; PyTorch, and
+/// with it every published checkpoint, feeds the unbiased one. Batches themselves are normalized by
+/// the biased variance in both.
 #[derive(Module, Debug)]
 pub struct BatchNorm {
     /// Scale a channel: `[C]`.
@@ -24,8 +24,9 @@ pub struct BatchNorm {
 }
 
 impl BatchNorm {
-    /// Normalizes every channel: by the statistics of the batch, which also enter the running ones, on an autodiff
-    /// device, otherwise by the running statistics. Then the ReLU that follows every batch norm here.
+    /// Normalizes every channel: by the statistics of the batch, which also enter the running ones,
+    /// on an autodiff device, otherwise by the running statistics. Then the ReLU that follows every
+    /// batch norm here.
     ///
     /// # Shapes
     /// - `input`: `[B, C, H, W]`

@@ -1,4 +1,5 @@
-//! What training takes out of the module tree, by the names of the state dict: weights, buffers, gradients.
+//! What training takes out of the module tree, by the names of the state dict: weights, buffers,
+//! gradients.
 
 use std::collections::BTreeMap;
 
@@ -22,13 +23,15 @@ impl Sae {
     ) -> Result<Checkpoint> {
         Ok(Checkpoint {
             config: config.clone(),
-            // Running statistics of the last batch are merged on this call; a visit alone would miss them.
+            // Running statistics of the last batch are merged on this call; a visit alone would
+            // miss them.
             tensors: Collector::new(config).visit(&self.valid(), config)?,
             metadata,
         })
     }
 
-    /// The gradients of its weights by their names in the state dict; weights that got none are left out.
+    /// The gradients of its weights by their names in the state dict; weights that got none are
+    /// left out.
     ///
     /// # Errors
     /// When the device does not give the values back.
@@ -91,7 +94,11 @@ impl Collector<'_> {
         }
     }
 
-    fn visit(mut self, sae: &Sae, config: &SaeConfig) -> Result<BTreeMap<String, checkpoint::Tensor>> {
+    fn visit(
+        mut self,
+        sae: &Sae,
+        config: &SaeConfig,
+    ) -> Result<BTreeMap<String, checkpoint::Tensor>> {
         sae.visit(&mut self);
         if let Some(error) = self.failure {
             return Err(error);
@@ -120,7 +127,8 @@ impl ModuleVisitor for Collector<'_> {
         let shape = values.dims().to_vec();
         match host_values(values) {
             Ok(data) => {
-                self.tensors.insert(name, checkpoint::Tensor { shape, data });
+                self.tensors
+                    .insert(name, checkpoint::Tensor { shape, data });
             }
             Err(error) => self.failure = Some(error.at(format!("tensor `{name}`"))),
         }

@@ -7,7 +7,8 @@ use super::{BatchNorm, kernels};
 use crate::checkpoint::ConvLayer;
 use crate::error::Result;
 
-/// A [`ConvLayer`] with its weights: upsampling, convolution, pool, batch norm, ReLU, each where the layer has it.
+/// A [`ConvLayer`] with its weights: upsampling, convolution, pool, batch norm, ReLU, each where
+/// the layer has it.
 #[derive(Module, Debug)]
 pub struct ConvBlock {
     /// With a bias where there is no batch norm.

@@ -7,11 +7,13 @@ use super::{ConvBlock, grid};
 use crate::checkpoint::{BACKGROUND, DENSE, Family, SIGMA, SaeConfig};
 use crate::error::Result;
 
-/// Keeps the products of profiles out of the subnormal numbers, on which a CPU's convolutions are several times
-/// slower. It adds 1e-16 to maps of height 1, far below the resolution of an f32 (6e-8).
+/// Keeps the products of profiles out of the subnormal numbers, on which a CPU's convolutions are
+/// several times slower. It adds 1e-16 to maps of height 1, far below the resolution of an f32
+/// (6e-8).
 const PROFILE_FLOOR: f64 = 1e-16;
 
-/// The decoder of an SAE: Gaussian maps and convolutions to RGB, for a DSAE one dense layer; with `-bg` a bias image.
+/// The decoder of an SAE: Gaussian maps and convolutions to RGB, for a DSAE one dense layer; with
+/// `-bg` a bias image.
 #[derive(Module, Debug)]
 pub struct Decoder {
     /// N points to N maps; a DSAE does not use it.
@@ -123,8 +125,8 @@ impl GaussianMaps {
         })
     }
 
-    /// One map a point, 1 at the point (1 minus the height at the limit, where there is one); -1 and 1 are the centres of
-    /// the border pixels.
+    /// One map a point, 1 at the point (1 minus the height at the limit, where there is one); -1
+    /// and 1 are the centres of the border pixels.
     ///
     /// A blob is the outer product of its profile along y and its profile along x.
     ///

@@ -17,7 +17,8 @@ pub struct OpenDevice {
 /// Opens a device. A GPU is opened once a process; later calls give the same.
 ///
 /// # Errors
-/// For a GPU, when the build has no support for one (feature `gpu`), or there is none (with what was looked for).
+/// For a GPU, when the build has no support for one (feature `gpu`), or there is none (with what
+/// was looked for).
 pub fn open(kind: DeviceKind) -> Result<OpenDevice> {
     match kind {
         DeviceKind::Cpu => Ok(OpenDevice {

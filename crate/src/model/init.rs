@@ -6,12 +6,13 @@ use rand::{Rng, SeedableRng};
 use crate::checkpoint::{Checkpoint, SIGMA, SaeConfig, TEMPERATURE, Tensor, read_tensors};
 use crate::error::{Error, Result};
 
-/// The weights of an untrained SAE, drawn on the host: the same seed gives the same weights on every device.
+/// The weights of an untrained SAE, drawn on the host: the same seed gives the same weights on
+/// every device.
 ///
-/// The distributions are PyTorch's defaults: convolutions, dense layers and their biases uniform in ±1/√(fan-in), batch
-/// norm scale 1 and offset 0. σ and temperature start at the configured value, the background at 0 (paper, appendix,
-/// "Modifications"). The first convolution of a DSAE is drawn as the others; [`load_first_layer`] takes it from a
-/// DenseNet-201, as the authors' code does.
+/// The distributions are PyTorch's defaults: convolutions, dense layers and their biases uniform in
+/// ±1/√(fan-in), batch norm scale 1 and offset 0. σ and temperature start at the configured value,
+/// the background at 0 (paper, appendix, "Modifications"). The first convolution of a DSAE is drawn
+/// as the others; [`load_first_layer`] takes it from a DenseNet-201, as the authors' code does.
 pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
     let mut rng = StdRng::seed_from_u64(seed);
     let mut tensors = BTreeMap::new();
@@ -26,7 +27,9 @@ pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
         }
         let data = if is_weight || is_drawn_bias {
             let bound = 1.0 / (fan_in as f32).sqrt();
-            (0..count).map(|_| rng.random_range(-bound..=bound)).collect()
+            (0..count)
+                .map(|_| rng.random_range(-bound..=bound))
+                .collect()
         } else if name == SIGMA {
             vec![config.sigma as f32; count]
         } else if name == TEMPERATURE {
@@ -45,15 +48,17 @@ pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
     }
 }
 
-/// Gives an untrained SAE the first convolution of a trained network, as the authors' DSAE has that of a DenseNet-201
-/// trained on ImageNet (their code; the paper does not say so); returns the name of the tensor that was taken.
+/// Gives an untrained SAE the first convolution of a trained network, as the authors' DSAE has that
+/// of a DenseNet-201 trained on ImageNet (their code; the paper does not say so); returns the name
+/// of the tensor that was taken.
 ///
-/// `file` holds the weights of any network, in any format that checkpoints come in. Taken is the tensor with the name that
-/// the SAE's own first convolution has, else torchvision's name in a DenseNet (`features.conv0.weight`), else the only
-/// one of its shape: filters x 3 x side x side.
+/// `file` holds the weights of any network, in any format that checkpoints come in. Taken is the
+/// tensor with the name that the SAE's own first convolution has, else torchvision's name in a
+/// DenseNet (`features.conv0.weight`), else the only one of its shape: filters x 3 x side x side.
 ///
 /// # Errors
-/// When the bytes are no file of weights, or it has no such tensor, several, or one that is not finite.
+/// When the bytes are no file of weights, or it has no such tensor, several, or one that is not
+/// finite.
 pub fn load_first_layer(weights: &mut Checkpoint, file: &[u8]) -> Result<String> {
     const DENSENET: &str = "features.conv0.weight";
     let layers = weights.config.encoder_layers();
@@ -97,15 +102,16 @@ pub fn load_first_layer(weights: &mut Checkpoint, file: &[u8]) -> Result<String>
     Ok(name)
 }
 
-/// Gives an untrained SAE every weight of a trained one, encoder and decoder, for a training that goes on from it on other
-/// recordings, another input size or another learning rate.
+/// Gives an untrained SAE every weight of a trained one, encoder and decoder, for a training that
+/// goes on from it on other recordings, another input size or another learning rate.
 ///
-/// `file` is a checkpoint in any format. Its tensors must have the names and shapes of `weights`, which depend on the
-/// family, the channels, the kernels, the number of keypoints, `-std` and `-bg`, and, for the background, the target size.
+/// `file` is a checkpoint in any format. Its tensors must have the names and shapes of `weights`,
+/// which depend on the family, the channels, the kernels, the number of keypoints, `-std` and
+/// `-bg`, and, for the background, the target size.
 ///
 /// # Errors
-/// When the bytes are no checkpoint, it is one of an encoder alone, or a tensor is missing, is one too many or has another
-/// shape.
+/// When the bytes are no checkpoint, it is one of an encoder alone, or a tensor is missing, is one
+/// too many or has another shape.
 pub fn load_weights(weights: &mut Checkpoint, file: &[u8]) -> Result<()> {
     let trained = Checkpoint::from_bytes(file)?;
     if !trained.has_decoder() {
@@ -113,9 +119,13 @@ pub fn load_weights(weights: &mut Checkpoint, file: &[u8]) -> Result<()> {
             "the checkpoint holds an encoder alone; expected a decoder too, as in checkpoint_best.safetensors of a run",
         ));
     }
-    let [own, its] = [&weights.config, &trained.config].map(|c| BTreeMap::from_iter(c.tensor_shapes()));
+    let [own, its] =
+        [&weights.config, &trained.config].map(|c| BTreeMap::from_iter(c.tensor_shapes()));
     let names: BTreeSet<&String> = own.keys().chain(its.keys()).collect();
-    if let Some(name) = names.into_iter().find(|name| own.get(*name) != its.get(*name)) {
+    if let Some(name) = names
+        .into_iter()
+        .find(|name| own.get(*name) != its.get(*name))
+    {
         let [own, its] = [&own, &its].map(|shapes| match shapes.get(name) {
             Some(shape) => format!("the shape {shape:?}"),
             None => "no such tensor".to_owned(),

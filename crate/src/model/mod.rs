@@ -1,16 +1,16 @@
 //! The spatial autoencoders (SAEs) as burn modules: written once, run on every burn device.
 //!
-//! An SAE squeezes an image through N points: the [`Encoder`] turns every feature map into the position of its
-//! attention, the [`Decoder`] paints a Gaussian blob a point and reconstructs the image from the blobs. What
-//! the modules compute, layer by layer and in the order of the axes, is what the paper's authors' code computes.
-//! All families are one module tree, whose layers are the [`ConvLayer`]s of a configuration; a [`Checkpoint`] names
-//! its tensors as their state dict does.
+//! An SAE squeezes an image through N points: the [`Encoder`] turns every feature map into the
+//! position of its attention, the [`Decoder`] paints a Gaussian blob a point and reconstructs the
+//! image from the blobs. What the modules compute, layer by layer and in the order of the axes, is
+//! what the paper's authors' code computes. All families are one module tree, whose layers are the
+//! [`ConvLayer`]s of a configuration; a [`Checkpoint`] names its tensors as their state dict does.
 //!
-//! Inside this module a latent point is (y, x), as in the authors' code. [`points_xy`] is the border to the
-//! rest of the crate, which speaks (x, y).
+//! Inside this module a latent point is (y, x), as in the authors' code. [`points_xy`] is the
+//! border to the rest of the crate, which speaks (x, y).
 //!
-//! Training behaviour (batch statistics) is a matter of the device: inputs on an autodiff device train, and
-//! [`Module::valid`](burn::prelude::Module) gives the module that infers.
+//! Training behaviour (batch statistics) is a matter of the device: inputs on an autodiff device
+//! train, and [`Module::valid`](burn::prelude::Module) gives the module that infers.
 //!
 //! ```
 //! use burn::prelude::{Device, Tensor};
@@ -101,7 +101,8 @@ impl Sae {
     /// The SAE of a checkpoint.
     ///
     /// # Errors
-    /// When a tensor is missing, e.g. because the checkpoint holds an encoder only, or has the wrong rank.
+    /// When a tensor is missing, e.g. because the checkpoint holds an encoder only, or has the
+    /// wrong rank.
     pub fn from_checkpoint(checkpoint: &Checkpoint, device: &Device) -> Result<Self> {
         if !checkpoint.has_decoder() {
             return Err(Error::input(
@@ -170,8 +171,8 @@ fn device_failed(error: impl fmt::Display) -> Error {
     Error::new(ErrorKind::Io, format!("the device failed: {error}"))
 }
 
-/// n coordinates from -1 to 1, the ends included: the authors' grid over a feature map or an image, on which
-/// -1 and 1 are the *centres* of the border cells.
+/// n coordinates from -1 to 1, the ends included: the authors' grid over a feature map or an image,
+/// on which -1 and 1 are the *centres* of the border cells.
 fn grid(n: usize) -> Vec<f32> {
     let step = 2.0 / (n.max(2) - 1) as f64;
     (0..n).map(|i| (step * i as f64 - 1.0) as f32).collect()

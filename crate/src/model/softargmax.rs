@@ -2,10 +2,12 @@ use burn::prelude::{Tensor, TensorData};
 
 use super::grid;
 
-/// The centre of attention of every map: softmax over the cells, then the mean of their coordinates.
+/// The centre of attention of every map: softmax over the cells, then the mean of their
+/// coordinates.
 ///
-/// Coordinates run from -1 to 1 between the centres of the border cells. The softmax subtracts the largest activation
-/// first, so that no activation overflows; activations are to be divided by the temperature before.
+/// Coordinates run from -1 to 1 between the centres of the border cells. The softmax subtracts the
+/// largest activation first, so that no activation overflows; activations are to be divided by the
+/// temperature before.
 ///
 /// # Shapes
 /// - `maps`: `[B, N, H, W]`
@@ -20,7 +22,8 @@ pub fn spatial_softargmax(maps: Tensor<4>) -> Tensor<3> {
     let [rows, columns] = [2, 1].map(|axis| attention.clone().sum_dim(axis));
     let total = rows.clone().sum_dim(1);
     let mean = |sums: Tensor<3>, length: usize| {
-        let coordinates = Tensor::<3>::from_data(TensorData::new(grid(length), [1, length, 1]), &device);
+        let coordinates =
+            Tensor::<3>::from_data(TensorData::new(grid(length), [1, length, 1]), &device);
         let sums = sums.reshape([batch * points, length, 1]);
         ((sums * coordinates).sum_dim(1) / total.clone()).reshape([batch, points, 1])
     };

@@ -19,7 +19,8 @@ pub struct WebGpu {
 }
 
 impl WebGpu {
-    /// Opens the adapter that the browser prefers for speed. burn can do that once in an instance of the module.
+    /// Opens the adapter that the browser prefers for speed. burn can do that once in an instance
+    /// of the module.
     ///
     /// # Errors
     /// When there is no adapter, when it gives no device, or when it was opened before.
@@ -30,7 +31,8 @@ impl WebGpu {
             .map_err(|e| Error::input(explain(&e)))?;
         let failure = Arc::new(OnceLock::new());
         let first = Arc::clone(&failure);
-        // In place of a panic: a shader that is refused leaves its outputs as they were, and nothing else tells.
+        // In place of a panic: a shader that is refused leaves its outputs as they were, and
+        // nothing else tells.
         setup.device.on_uncaptured_error(Arc::new(move |error| {
             // Only the first one counts.
             let _ = first.set(error.to_string());
@@ -38,7 +40,9 @@ impl WebGpu {
         let limits = setup.device.limits();
         Ok(Self {
             device,
-            tensor_limit: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
+            tensor_limit: limits
+                .max_buffer_size
+                .min(limits.max_storage_buffer_binding_size),
             failure,
         })
     }
@@ -47,7 +51,10 @@ impl WebGpu {
     /// When anything went wrong on the device since it was opened: what it computed may be stale.
     pub fn check(&self) -> Result<()> {
         match self.failure.get() {
-            Some(failure) => Err(Error::new(ErrorKind::Io, format!("the GPU failed: {failure}"))),
+            Some(failure) => Err(Error::new(
+                ErrorKind::Io,
+                format!("the GPU failed: {failure}"),
+            )),
             None => Ok(()),
         }
     }

@@ -51,9 +51,13 @@ impl<'a> Loader<'a> {
         Ok(self.identified(name, Param::from_data(data, self.device)))
     }
 
-    /// Gives a parameter the number of its tensor in the state dict. By it the stored moments of an optimizer find the
-    /// parameter again; burn's own numbers are drawn anew every time.
-    fn identified<const D: usize>(&self, name: &str, mut parameter: Param<Tensor<D>>) -> Param<Tensor<D>> {
+    /// Gives a parameter the number of its tensor in the state dict. By it the stored moments of an
+    /// optimizer find the parameter again; burn's own numbers are drawn anew every time.
+    fn identified<const D: usize>(
+        &self,
+        name: &str,
+        mut parameter: Param<Tensor<D>>,
+    ) -> Param<Tensor<D>> {
         if let Some(number) = self.names.iter().position(|n| n == name) {
             parameter.id = ParamId::from(number as u64);
         }

@@ -1,6 +1,7 @@
 //! A logarithmic axis of whole decades, which is drawn alike by the terminal and by the page.
 //!
-//! plotters' own one finds its marks by logarithms, whose last bit is another one on other machines: marks come and go with it.
+//! plotters' own one finds its marks by logarithms, whose last bit is another one on other
+//! machines: marks come and go with it.
 
 use std::ops::Range;
 
@@ -18,8 +19,8 @@ pub(super) struct Decades {
 }
 
 impl Decades {
-    /// At least one decade, around all finite values and `margin` times more at either end. Values below `floor` count as `floor`; without any
-    /// the axis ends at 1.
+    /// At least one decade, around all finite values and `margin` times more at either end. Values
+    /// below `floor` count as `floor`; without any the axis ends at 1.
     pub fn around(values: impl Iterator<Item = f64>, floor: f64, margin: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
         for value in values.filter(|v| v.is_finite()) {
@@ -139,7 +140,10 @@ mod tests {
             }
         }
         let long = Decades { low: -8, high: 1 };
-        assert_eq!(long.key_points(BoldPoints(4)), [1e-8, 1e-6, 1e-4, 1e-2, 1.0]);
+        assert_eq!(
+            long.key_points(BoldPoints(4)),
+            [1e-8, 1e-6, 1e-4, 1e-2, 1.0]
+        );
     }
 
     #[test]

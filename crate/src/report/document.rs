@@ -84,7 +84,11 @@ pub(super) fn figure(figure: &Figure) -> Markup {
 }
 
 /// A number with its interval in small print.
-pub(super) fn with_interval(value: Option<f64>, interval: Option<[f64; 2]>, digits: usize) -> Markup {
+pub(super) fn with_interval(
+    value: Option<f64>,
+    interval: Option<[f64; 2]>,
+    digits: usize,
+) -> Markup {
     html! {
         @match value {
             Some(value) => {

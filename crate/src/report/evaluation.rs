@@ -1,4 +1,5 @@
-//! An evaluation as JSON and CSV (schema `tracklens/evaluation/2`, which `docs/metrics.md` describes).
+//! An evaluation as JSON and CSV (schema `tracklens/evaluation/2`, which `docs/metrics.md`
+//! describes).
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +12,8 @@ use crate::track::FrameKey;
 
 /// The name of the schema, before its number.
 const SCHEMA: &str = "tracklens/evaluation/";
-/// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of images and command.
+/// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of
+/// images and command.
 const NEWEST: u32 = 2;
 
 const CSV_HEADER: &str = "object,tracked,error,threshold,best_keypoint,error_sum,rmse,rmse_px,frames,outside,\
@@ -60,8 +62,8 @@ pub struct EvaluationReport {
     /// 95 % intervals, where they were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intervals: Option<IntervalsReport>,
-    /// The errors of the best keypoints by sequence, where they were asked for; in the order of the objects that are
-    /// visible.
+    /// The errors of the best keypoints by sequence, where they were asked for; in the order of the
+    /// objects that are visible.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequences: Option<Vec<SequencesReport>>,
     /// What others measure of the same data, where it was asked for.
@@ -312,9 +314,13 @@ pub struct Unmatched {
 }
 
 impl EvaluationReport {
-    /// The report of `evaluation`; with the `[width, height]` of the images also in pixels, with the join also what
-    /// found no partner.
-    pub fn new(evaluation: &Evaluation, image_size: Option<[u32; 2]>, join: Option<&JoinReport>) -> Self {
+    /// The report of `evaluation`; with the `[width, height]` of the images also in pixels, with
+    /// the join also what found no partner.
+    pub fn new(
+        evaluation: &Evaluation,
+        image_size: Option<[u32; 2]>,
+        join: Option<&JoinReport>,
+    ) -> Self {
         let objects: Vec<ObjectReport> = evaluation
             .objects
             .iter()
@@ -327,7 +333,10 @@ impl EvaluationReport {
                     tracked: object.tracked,
                     best_keypoint: object.best.map(|best| best.keypoint),
                     second_best: object.best.and_then(|best| {
-                        let others = errors.iter().enumerate().filter(|(n, _)| *n != best.keypoint);
+                        let others = errors
+                            .iter()
+                            .enumerate()
+                            .filter(|(n, _)| *n != best.keypoint);
                         let second = others.min_by(|a, b| a.1.total_cmp(b.1));
                         second.map(|(keypoint, error)| KeypointError {
                             keypoint,
@@ -381,7 +390,8 @@ impl EvaluationReport {
     /// Reads the JSON of an evaluation, of this schema or an older one. `name` is that of the file.
     ///
     /// # Errors
-    /// When it is no such JSON, of a newer schema, or its parts do not fit each other; the message says what to do.
+    /// When it is no such JSON, of a newer schema, or its parts do not fit each other; the message
+    /// says what to do.
     pub fn parse(bytes: &[u8], name: &str) -> Result<Self> {
         let wrong = |text: String| Error::input(text).at(name);
         #[derive(Deserialize)]
@@ -394,7 +404,9 @@ impl EvaluationReport {
             ))
         })?;
         let schema = head.schema.as_deref().unwrap_or_default();
-        let number = schema.strip_prefix(SCHEMA).and_then(|n| n.parse::<u32>().ok());
+        let number = schema
+            .strip_prefix(SCHEMA)
+            .and_then(|n| n.parse::<u32>().ok());
         match number {
             Some(1..=NEWEST) => {}
             Some(newer) if newer > NEWEST => {
@@ -410,8 +422,11 @@ impl EvaluationReport {
                 )));
             }
         }
-        let report: Self = serde_json::from_slice(bytes)
-            .map_err(|e| wrong(format!("an evaluation that is not complete: {e}; save it again")))?;
+        let report: Self = serde_json::from_slice(bytes).map_err(|e| {
+            wrong(format!(
+                "an evaluation that is not complete: {e}; save it again"
+            ))
+        })?;
         let keypoints = report.errors.first().map_or(0, Vec::len);
         let fits = report.errors.len() == report.objects.len()
             && report.errors.iter().all(|row| row.len() == keypoints)
@@ -571,8 +586,13 @@ impl JoinReport {
             } else {
                 ""
             };
-            (unmatched.count > 0)
-                .then(|| format!("{} {what}: {}{more}", unmatched.count, unmatched.first.join("; ")))
+            (unmatched.count > 0).then(|| {
+                format!(
+                    "{} {what}: {}{more}",
+                    unmatched.count,
+                    unmatched.first.join("; ")
+                )
+            })
         };
         let frames = told(
             "frame(s) without a row of ground truth do not count",
@@ -589,7 +609,11 @@ impl JoinReport {
     pub fn new(join: &Join, frames: &[FrameKey], rows: &[FrameKey]) -> Self {
         let unmatched = |keys: &[FrameKey], at: &[usize]| Unmatched {
             count: at.len(),
-            first: at.iter().take(SHOWN).map(|i| keys[*i].to_string()).collect(),
+            first: at
+                .iter()
+                .take(SHOWN)
+                .map(|i| keys[*i].to_string())
+                .collect(),
         };
         Self {
             matched: join.pairs.len(),

@@ -22,7 +22,9 @@ impl TryFrom<String> for Color {
     type Error = Error;
 
     fn try_from(text: String) -> Result<Self> {
-        let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii());
+        let digits = text
+            .strip_prefix('#')
+            .filter(|d| d.len() == 6 && d.is_ascii());
         let parse = |d: &str| {
             let byte = |i: usize| u8::from_str_radix(&d[i..i + 2], 16).ok();
             Some([byte(0)?, byte(2)?, byte(4)?])
@@ -136,13 +138,22 @@ fn draw<B: DrawingBackend>(
     let line_width = (em as u32).div_ceil(8);
     area.fill(&figure.background.rgb())?;
 
-    let frames = figure.series.iter().map(|s| s.values.len()).max().unwrap_or(0);
+    let frames = figure
+        .series
+        .iter()
+        .map(|s| s.values.len())
+        .max()
+        .unwrap_or(0);
     let end = figure.start + frames.saturating_sub(1).max(1) as f64;
     let [low, high] = value_range(figure);
     let mut builder = ChartBuilder::on(area);
     builder
         .margin(em / 2)
-        .margin_top(if figure.title.is_empty() { 2 * em } else { em / 2 })
+        .margin_top(if figure.title.is_empty() {
+            2 * em
+        } else {
+            em / 2
+        })
         .margin_right(em)
         .x_label_area_size(em * if figure.x_label.is_empty() { 2 } else { 3 })
         .y_label_area_size(em * 5);
@@ -173,7 +184,9 @@ fn draw<B: DrawingBackend>(
             .stroke_width((em as u32).div_ceil(6))
             .filled();
         for run in runs(&series.values) {
-            let points = run.clone().map(|i| (figure.start + i as f64, series.values[i]));
+            let points = run
+                .clone()
+                .map(|i| (figure.start + i as f64, series.values[i]));
             let dot = line_width * u32::from(run.len() == 1);
             chart.draw_series(Line::new(points, style).point_size(dot))?;
         }
@@ -205,7 +218,8 @@ fn tick(y: f64, span: f64) -> String {
 
 /// One line above the plot, from the right: a stroke of the colour and the label.
 ///
-/// plotters' own legend measures its text through the page's elements, which a strict Content-Security-Policy forbids.
+/// plotters' own legend measures its text through the page's elements, which a strict
+/// Content-Security-Policy forbids.
 fn legend<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     figure: &LineFigure,

@@ -8,9 +8,9 @@ type Done<B> = Result<(), DrawingErrorKind<<B as DrawingBackend>::ErrorType>>;
 
 /// A backend that estimates the size of text instead of measuring it.
 ///
-/// plotters measures text in the browser by adding styled elements to the page, which needs a page (Node.js and workers
-/// have none) and inline styles (which a strict Content-Security-Policy forbids). Estimating also gives the page's
-/// figures and the files' the same layout.
+/// plotters measures text in the browser by adding styled elements to the page, which needs a page
+/// (Node.js and workers have none) and inline styles (which a strict Content-Security-Policy
+/// forbids). Estimating also gives the page's figures and the files' the same layout.
 pub(super) struct Measured<B>(pub B);
 
 /// Mean advance of a sans-serif glyph, in ems.
@@ -35,7 +35,12 @@ impl<B: DrawingBackend> DrawingBackend for Measured<B> {
         self.0.draw_pixel(point, color)
     }
 
-    fn draw_line<S: BackendStyle>(&mut self, from: BackendCoord, to: BackendCoord, style: &S) -> Done<B> {
+    fn draw_line<S: BackendStyle>(
+        &mut self,
+        from: BackendCoord,
+        to: BackendCoord,
+        style: &S,
+    ) -> Done<B> {
         self.0.draw_line(from, to, style)
     }
 
@@ -75,7 +80,12 @@ impl<B: DrawingBackend> DrawingBackend for Measured<B> {
         self.0.fill_polygon(path, style)
     }
 
-    fn draw_text<S: BackendTextStyle>(&mut self, text: &str, style: &S, at: BackendCoord) -> Done<B> {
+    fn draw_text<S: BackendTextStyle>(
+        &mut self,
+        text: &str,
+        style: &S,
+        at: BackendCoord,
+    ) -> Done<B> {
         self.0.draw_text(text, style, at)
     }
 

@@ -18,17 +18,17 @@ mod trajectories;
 mod unmatched;
 
 pub use evaluation::{
-    AssignmentReport, ContextReport, EvaluationReport, HeldOutObjectReport, HeldOutReport, IntervalReport,
-    IntervalsReport, JoinReport, JoinSummary, KeypointError, MapReport, ObjectReport, RegressionReport,
-    SequenceReport, SequencesReport, Unmatched,
+    AssignmentReport, ContextReport, EvaluationReport, HeldOutObjectReport, HeldOutReport,
+    IntervalReport, IntervalsReport, JoinReport, JoinSummary, KeypointError, MapReport,
+    ObjectReport, RegressionReport, SequenceReport, SequencesReport, Unmatched,
 };
 pub use figure::{Color, LineFigure, LineSeries, PlotArea, draw_lines, lines_to_svg};
 pub use figures::{Drawn, Figure, Theme, capability, evaluation_figures, matrix, sequences};
 pub use page::evaluation_page;
 pub use plots::figures;
 pub use reference::{
-    Claim, ClaimReport, Comparison, Pair, Reference, ReferenceNumbers, ReferenceReport, ReferenceRow,
-    Statistic,
+    Claim, ClaimReport, Comparison, Pair, Reference, ReferenceNumbers, ReferenceReport,
+    ReferenceRow, Statistic,
 };
 pub use request::{Inputs, Request, shell_line};
 pub use runs::{DataSet, Epoch, Group, Grouping, Run, RunFiles, Runs, Unread, data_sets};

@@ -1,9 +1,12 @@
-//! An evaluation as one HTML file: figures and style are in it, it runs no script and loads nothing.
+//! An evaluation as one HTML file: figures and style are in it, it runs no script and loads
+//! nothing.
 
 use maud::{Markup, PreEscaped, html};
 
 use super::document::document;
-use super::evaluation::{ContextReport, EvaluationReport, MapReport, ObjectReport, SequencesReport};
+use super::evaluation::{
+    ContextReport, EvaluationReport, MapReport, ObjectReport, SequencesReport,
+};
 use super::figures::evaluation_figures;
 use crate::error::Result;
 
@@ -71,7 +74,10 @@ fn percent(share: f64) -> String {
 
 fn lead(report: &EvaluationReport) -> String {
     let names = |tracked: bool| {
-        let objects = report.objects.iter().filter(|object| object.tracked == tracked);
+        let objects = report
+            .objects
+            .iter()
+            .filter(|object| object.tracked == tracked);
         objects
             .map(|object| object.name.as_str())
             .collect::<Vec<_>>()
@@ -128,13 +134,19 @@ fn protocol(report: &EvaluationReport) -> String {
 
 fn objects(report: &EvaluationReport) -> Markup {
     let interval = |name: &str| {
-        let intervals = report.intervals.iter().flat_map(|intervals| &intervals.objects);
+        let intervals = report
+            .intervals
+            .iter()
+            .flat_map(|intervals| &intervals.objects);
         intervals
             .filter(|object| object.name == name)
             .find_map(|object| object.error)
     };
     let held_out = |name: &str| {
-        let held_out = report.held_out.iter().flat_map(|held_out| &held_out.objects);
+        let held_out = report
+            .held_out
+            .iter()
+            .flat_map(|held_out| &held_out.objects);
         held_out.into_iter().find(|object| object.name == name)
     };
     let pixels = report.objects.iter().any(|object| object.rmse_px.is_some());
@@ -200,8 +212,13 @@ fn maps(report: &EvaluationReport) -> Markup {
 
 /// A map row by row, as terms of the keypoint (u, v).
 fn rows(map: &MapReport) -> [String; 2] {
-    let signed =
-        |value: f64, what: &str| format!("{} {:.4}{what}", if value < 0.0 { "−" } else { "+" }, value.abs());
+    let signed = |value: f64, what: &str| {
+        format!(
+            "{} {:.4}{what}",
+            if value < 0.0 { "−" } else { "+" },
+            value.abs()
+        )
+    };
     [0, 1].map(|axis| {
         let [u, v] = map.a[axis];
         format!(

@@ -23,7 +23,8 @@ use super::runs_report::{GroupReport, RunsReport};
 use crate::error::{Error, Result};
 use crate::metric::stats::{Sample, performance_profile, smooth};
 
-/// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix, "Evaluation").
+/// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix,
+/// "Evaluation").
 const SMOOTHING: f64 = 2.5;
 /// Of fewer runs than this a box plot shows every one: quartiles of so few say little.
 const FEW: usize = 8;
@@ -101,8 +102,8 @@ fn panels(
 ) -> Result<String> {
     // As long as its labels are, with their swatches and the space between them.
     let labels: usize = legend.iter().map(|(label, _)| label.chars().count()).sum();
-    let labels =
-        (0.55 * f64::from(EM) * labels as f64) as u32 + (18 + 2 * EM as u32) * (legend.len() as u32 + 1);
+    let labels = (0.55 * f64::from(EM) * labels as f64) as u32
+        + (18 + 2 * EM as u32) * (legend.len() as u32 + 1);
     let size = ((width * count.max(1) as u32).max(labels), height + LEGEND);
     let mut svg = String::new();
     let mut drawn = || -> Done {
@@ -190,7 +191,11 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
 }
 
 fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
-    let groups: Vec<_> = report.groups.iter().filter(|group| group.complete > 0).collect();
+    let groups: Vec<_> = report
+        .groups
+        .iter()
+        .filter(|group| group.complete > 0)
+        .collect();
     let width = PANEL[0].max(60 + 34 * groups.len() as u32);
     let svg = panels(
         runs.objects.len(),
@@ -219,7 +224,9 @@ fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
                 .y_label_formatter(&|y| tick(*y))
                 .draw()?;
             for (i, errors) in errors.iter().enumerate() {
-                let Ok(sample) = Sample::of(errors) else { continue };
+                let Ok(sample) = Sample::of(errors) else {
+                    continue;
+                };
                 draw_box(
                     &mut chart,
                     i as f64 + 0.5,
@@ -274,7 +281,11 @@ fn draw_box<'b>(
     ])?;
     if values.len() < FEW {
         let dot = ShapeStyle::from(&INK).filled();
-        chart.draw_series(values.iter().map(|v| Circle::new((x, v.max(FLOOR)), 2, dot)))?;
+        chart.draw_series(
+            values
+                .iter()
+                .map(|v| Circle::new((x, v.max(FLOOR)), 2, dot)),
+        )?;
     } else {
         let outside = values.iter().filter(|v| !is_inside(v));
         chart.draw_series(outside.map(|v| Circle::new((x, v.max(FLOOR)), 3, line)))?;
@@ -283,7 +294,11 @@ fn draw_box<'b>(
 }
 
 fn capabilities(report: &RunsReport) -> Result<Figure> {
-    let groups: Vec<_> = report.groups.iter().filter(|group| group.complete > 0).collect();
+    let groups: Vec<_> = report
+        .groups
+        .iter()
+        .filter(|group| group.complete > 0)
+        .collect();
     let objects: Vec<&str> = groups
         .first()
         .map(|group| group.objects.iter().map(|o| o.name.as_str()).collect())
@@ -393,7 +408,11 @@ fn profiles(runs: &Runs, report: &RunsReport) -> Result<Figure> {
                 .x_label_formatter(&|x| tick(*x))
                 .y_label_formatter(&|y| format!("{y:.1}"))
                 .draw()?;
-            for (i, errors) in all.iter().enumerate().filter(|(_, errors)| !errors.is_empty()) {
+            for (i, errors) in all
+                .iter()
+                .enumerate()
+                .filter(|(_, errors)| !errors.is_empty())
+            {
                 // A step at every error, between the ends of the axis.
                 let mut taus: Vec<f64> = errors.iter().copied().filter(|e| e.is_finite()).collect();
                 taus.sort_by(f64::total_cmp);
@@ -438,7 +457,13 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
         .collect();
     let svg = panels(1, 2 * PANEL[0], PANEL[1], &colors, |_, panel| {
         let values = losses.iter().flatten().flatten().copied();
-        let epochs = losses.iter().flatten().map(Vec::len).max().unwrap_or(1).max(2);
+        let epochs = losses
+            .iter()
+            .flatten()
+            .map(Vec::len)
+            .max()
+            .unwrap_or(1)
+            .max(2);
         let mut chart = log_chart(panel, "", 1.0..epochs as f64, log_axis(values))?;
         chart
             .configure_mesh()
@@ -466,7 +491,8 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
     })?;
     Ok(Figure {
         name: "reconstruction-loss".to_owned(),
-        caption: "Reconstruction loss on the validation sequences over epochs, a line a run.".to_owned(),
+        caption: "Reconstruction loss on the validation sequences over epochs, a line a run."
+            .to_owned(),
         svg,
     })
 }

@@ -177,7 +177,8 @@ impl Statistic {
 }
 
 impl ReferenceReport {
-    /// Published numbers beside those of `report`. An architecture stands for its group; where it has several, for none.
+    /// Published numbers beside those of `report`. An architecture stands for its group; where it
+    /// has several, for none.
     pub fn new(reference: &Reference, report: &RunsReport) -> Self {
         let group = |architecture: &str| {
             let is = |group: &&GroupReport| {
@@ -194,7 +195,8 @@ impl ReferenceReport {
             .first()
             .map(|group| group.objects.iter().map(|o| o.name.as_str()).collect())
             .unwrap_or_default();
-        let mut architectures: Vec<&str> = reference.architectures.keys().map(String::as_str).collect();
+        let mut architectures: Vec<&str> =
+            reference.architectures.keys().map(String::as_str).collect();
         for run in report.groups.iter().filter_map(|group| group.runs.first()) {
             if !architectures.contains(&run.architecture.as_str()) {
                 architectures.push(&run.architecture);
@@ -237,7 +239,11 @@ impl ReferenceReport {
                 };
                 let each = match claim.objects.is_empty() {
                     true => vec![None],
-                    false => claim.objects.iter().map(|name| Some(name.as_str())).collect(),
+                    false => claim
+                        .objects
+                        .iter()
+                        .map(|name| Some(name.as_str()))
+                        .collect(),
                 };
                 for object in each {
                     let values = [a, b].map(|group| claim.statistic.of(group, object));

@@ -73,10 +73,16 @@ impl Request {
         }
         if self.sequences {
             let objects = evaluation.objects.iter().enumerate();
-            let best = objects.filter_map(|(k, object)| Some((k, &object.name, object.best?.keypoint)));
+            let best =
+                objects.filter_map(|(k, object)| Some((k, &object.name, object.best?.keypoint)));
             let sequences = best.map(|(k, name, keypoint)| {
                 let errors = scoring.sequence_errors(k, keypoint, settings)?;
-                Ok(SequencesReport::new(name, keypoint, &errors, scoring.keys()))
+                Ok(SequencesReport::new(
+                    name,
+                    keypoint,
+                    &errors,
+                    scoring.keys(),
+                ))
             });
             report.sequences = Some(sequences.collect::<Result<_>>()?);
         }
@@ -87,8 +93,8 @@ impl Request {
         Ok(report)
     }
 
-    /// The command of the terminal that gives the same evaluation of `inputs`, with quotes where a shell needs them. What is
-    /// the default is left out.
+    /// The command of the terminal that gives the same evaluation of `inputs`, with quotes where a
+    /// shell needs them. What is the default is left out.
     ///
     /// # Errors
     /// When a name cannot be written in a shell.
@@ -103,7 +109,10 @@ impl Request {
             }
             (keypoints, _) => {
                 add(&["score", "--truth", &inputs.truth]);
-                add(&["--keypoints", keypoints.as_deref().unwrap_or("keypoints.csv")]);
+                add(&[
+                    "--keypoints",
+                    keypoints.as_deref().unwrap_or("keypoints.csv"),
+                ]);
                 if let Some([width, height]) = self.image_size {
                     add(&["--image-size", &format!("{width}x{height}")]);
                 }

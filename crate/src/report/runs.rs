@@ -62,26 +62,32 @@ pub struct Unread {
 }
 
 impl Run {
-    /// A run from what its folder holds. A log that is cut is read up to the break; the run is incomplete then, and also when
-    /// it failed or was stopped.
+    /// A run from what its folder holds. A log that is cut is read up to the break; the run is
+    /// incomplete then, and also when it failed or was stopped.
     ///
     /// # Errors
-    /// When there is no configuration, or the configuration or the summary is not what a run writes.
+    /// When there is no configuration, or the configuration or the summary is not what a run
+    /// writes.
     pub fn parse(name: &str, files: &RunFiles) -> std::result::Result<Self, Unread> {
         let failed = files.error.map(|error| {
             let text = String::from_utf8_lossy(error);
-            format!("it failed: {}", text.trim().lines().next().unwrap_or_default())
+            format!(
+                "it failed: {}",
+                text.trim().lines().next().unwrap_or_default()
+            )
         });
         let unread = |reason: String| Unread {
             name: name.to_owned(),
             reason,
         };
-        let wrong = |file: &str, e: &serde_json::Error| unread(format!("{file} cannot be read: {e}"));
+        let wrong =
+            |file: &str, e: &serde_json::Error| unread(format!("{file} cannot be read: {e}"));
         let Some(config) = files.config else {
             let missing = || "config.json is missing: it ended before it began to train".to_owned();
             return Err(unread(failed.unwrap_or_else(missing)));
         };
-        let config: RunConfig = serde_json::from_slice(config).map_err(|e| wrong("config.json", &e))?;
+        let config: RunConfig =
+            serde_json::from_slice(config).map_err(|e| wrong("config.json", &e))?;
         let summary: Option<TrainSummary> = files
             .summary
             .map(serde_json::from_slice)
@@ -92,7 +98,9 @@ impl Run {
             .iter()
             .map(|epoch| {
                 let affine = epoch.errors.get(Transform::Affine.name());
-                let error = |object: &String| affine.and_then(|errors| errors.get(object).copied().flatten());
+                let error = |object: &String| {
+                    affine.and_then(|errors| errors.get(object).copied().flatten())
+                };
                 Epoch {
                     errors: config.objects.iter().map(error).collect(),
                     reconstruction: epoch.validation.reconstruction,
@@ -126,7 +134,8 @@ impl Run {
         })
     }
 
-    /// A detector that was scored as it is; without an architecture it is called what its name begins with.
+    /// A detector that was scored as it is; without an architecture it is called what its name
+    /// begins with.
     pub fn scored(name: &str, architecture: Option<String>, evaluation: EvaluationReport) -> Self {
         Self {
             name: name.to_owned(),
@@ -140,8 +149,8 @@ impl Run {
         }
     }
 
-    /// The tracking error of an object at the end: of a training the affine one of its last epoch. `None` where it was visible
-    /// in no frame.
+    /// The tracking error of an object at the end: of a training the affine one of its last epoch.
+    /// `None` where it was visible in no frame.
     pub fn error(&self, object: &str) -> Option<f64> {
         match (self.epochs.last(), &self.evaluation) {
             (Some(epoch), _) => {
@@ -153,8 +162,8 @@ impl Run {
         }
     }
 
-    /// The settings that tell runs apart, but for the seed, with their values: the same ones in the same order for all
-    /// trainings.
+    /// The settings that tell runs apart, but for the seed, with their values: the same ones in the
+    /// same order for all trainings.
     pub fn settings(&self) -> Vec<(String, String)> {
         let Some(config) = &self.config else {
             return vec![("architecture".to_owned(), self.architecture.clone())];
@@ -171,7 +180,9 @@ impl Run {
         let mut add = |key: &String, value: &serde_json::Value| {
             // What is left out means its default.
             if !["seed", "architecture", "input_size"].contains(&key.as_str()) && !value.is_null() {
-                let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+                let text = value
+                    .as_str()
+                    .map_or_else(|| value.to_string(), str::to_owned);
                 settings.push((key.clone(), text));
             }
         };
@@ -195,11 +206,13 @@ impl Run {
             (None, None) => {
                 let map = |run: &Self| run.evaluation.as_ref().map(|e| e.transform.clone());
                 let (a, b) = (map(self)?, map(other)?);
-                return (a != b).then(|| format!("one is scored under the map `{a}`, the other under `{b}`"));
+                return (a != b)
+                    .then(|| format!("one is scored under the map `{a}`, the other under `{b}`"));
             }
             _ => {
                 return Some(
-                    "one is scored on its validation sequences, the other on the frames here".to_owned(),
+                    "one is scored on its validation sequences, the other on the frames here"
+                        .to_owned(),
                 );
             }
         };
@@ -219,7 +232,8 @@ impl Run {
         if split(a) == split(b) && names(a) != names(b) {
             return Some("with one seed and split they are of different sequences".to_owned());
         }
-        let known = |c: &RunConfig| [c.training_sequences.clone(), c.validation_sequences.clone()].concat();
+        let known =
+            |c: &RunConfig| [c.training_sequences.clone(), c.validation_sequences.clone()].concat();
         let (a, b) = (known(a), known(b));
         let shared = a.is_empty() || a.iter().any(|name| b.contains(name));
         (!shared).then(|| "they have no sequence in common".to_owned())
@@ -235,7 +249,8 @@ pub struct DataSet {
     pub reason: Option<String>,
 }
 
-/// Puts runs of one data set together: the same objects and sequences, as far as their configurations tell.
+/// Puts runs of one data set together: the same objects and sequences, as far as their
+/// configurations tell.
 pub fn data_sets(runs: Vec<Arc<Run>>) -> Vec<DataSet> {
     let mut sets: Vec<DataSet> = Vec::new();
     for run in runs {
@@ -298,7 +313,8 @@ impl FromStr for Grouping {
 /// Runs of one group.
 #[derive(Debug, Clone)]
 pub struct Group {
-    /// Its name; by settings the architecture, with what else tells it from another group where there are several of one.
+    /// Its name; by settings the architecture, with what else tells it from another group where
+    /// there are several of one.
     pub name: String,
     /// The runs, complete ones first.
     pub runs: Vec<Arc<Run>>,
@@ -327,9 +343,13 @@ impl Runs {
     /// Puts runs into groups.
     ///
     /// # Errors
-    /// When there is no complete run, when runs are not of one data set ([`data_sets`]), so that their errors cannot be
-    /// compared, and when a setting to group by is none.
-    pub fn new(runs: Vec<Arc<Run>>, threshold: impl Fn(&str) -> f64, grouping: &Grouping) -> Result<Self> {
+    /// When there is no complete run, when runs are not of one data set ([`data_sets`]), so that
+    /// their errors cannot be compared, and when a setting to group by is none.
+    pub fn new(
+        runs: Vec<Arc<Run>>,
+        threshold: impl Fn(&str) -> f64,
+        grouping: &Grouping,
+    ) -> Result<Self> {
         let mut sets = data_sets(runs);
         if let Some(reason) = sets.iter().find_map(|set| set.reason.as_ref()) {
             return Err(Error::mismatch(format!(
@@ -355,25 +375,38 @@ impl Runs {
             }));
         }
         runs.sort_by(|a, b| {
-            (a.incomplete.is_some(), a.seed, &a.name).cmp(&(b.incomplete.is_some(), b.seed, &b.name))
+            (a.incomplete.is_some(), a.seed, &a.name).cmp(&(
+                b.incomplete.is_some(),
+                b.seed,
+                &b.name,
+            ))
         });
         let objects = runs[0].objects.iter();
-        let objects = objects.map(|name| (name.clone(), threshold(name))).collect();
+        let objects = objects
+            .map(|name| (name.clone(), threshold(name)))
+            .collect();
         let groups = match grouping {
             Grouping::Settings => by_settings(runs),
             Grouping::Architecture => by(runs, |run| Ok(run.architecture.clone()))?,
             Grouping::Name => by(runs, |run| Ok(family(&run.name)))?,
             Grouping::Setting(key) => by(runs, |run| {
                 let settings = run.settings();
-                let names = || settings.iter().map(|(key, _)| key.as_str()).collect::<Vec<_>>();
+                let names = || {
+                    settings
+                        .iter()
+                        .map(|(key, _)| key.as_str())
+                        .collect::<Vec<_>>()
+                };
                 let found = settings.iter().find(|(name, _)| name == key);
-                found.map(|(key, value)| format!("{key} {value}")).ok_or_else(|| {
-                    Error::input(format!(
-                        "{} has no setting `{key}` to group by; expected one of {}",
-                        run.name,
-                        names().join(", ")
-                    ))
-                })
+                found
+                    .map(|(key, value)| format!("{key} {value}"))
+                    .ok_or_else(|| {
+                        Error::input(format!(
+                            "{} has no setting `{key}` to group by; expected one of {}",
+                            run.name,
+                            names().join(", ")
+                        ))
+                    })
             })?,
         };
         Ok(Self { objects, groups })
@@ -410,10 +443,12 @@ fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
         }
     }
     for (name, mut alike) in architectures {
-        let described: Vec<Described> = alike.iter().map(|(settings, _)| settings.clone()).collect();
+        let described: Vec<Described> =
+            alike.iter().map(|(settings, _)| settings.clone()).collect();
         for (settings, group) in alike.iter_mut().filter(|_| described.len() > 1) {
-            let differs =
-                |setting: &&(String, String)| described.iter().any(|other| !other.contains(setting));
+            let differs = |setting: &&(String, String)| {
+                described.iter().any(|other| !other.contains(setting))
+            };
             let told = settings.iter().filter(differs);
             let told: Vec<String> = told.map(|(key, value)| format!("{key} {value}")).collect();
             group.name = match told.is_empty() {
@@ -427,10 +462,13 @@ fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
     all
 }
 
-/// What a run belongs to by its name: the last part without the file's ending and the number at its end, or the folder where
-/// that says no more than which seed or checkpoint it is.
+/// What a run belongs to by its name: the last part without the file's ending and the number at its
+/// end, or the folder where that says no more than which seed or checkpoint it is.
 fn family(name: &str) -> String {
-    let mut parts = name.split(['/', '\\']).filter(|part| !part.is_empty()).rev();
+    let mut parts = name
+        .split(['/', '\\'])
+        .filter(|part| !part.is_empty())
+        .rev();
     let last = parts.next().unwrap_or(name);
     let separators = ['-', '_', ' ', '.', '='];
     let stem = last.rsplit_once('.').map_or(last, |(stem, _)| stem);

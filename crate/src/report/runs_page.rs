@@ -82,7 +82,8 @@ fn only_errors_table(report: &RunsReport, objects: &[ObjectRunsReport]) -> Marku
     }
 }
 
-/// The errors over the runs of the groups, and how probably those of one are lower than those of another.
+/// The errors over the runs of the groups, and how probably those of one are lower than those of
+/// another.
 fn statistics_tables(report: &RunsReport, objects: &[ObjectRunsReport]) -> Markup {
     html! {
         h2 { "Tracking errors" }
@@ -124,20 +125,34 @@ fn thresholds(objects: &[ObjectRunsReport]) -> String {
 
 /// What the groups come to, in a sentence.
 fn lead(report: &RunsReport) -> String {
-    let ranked = report.groups.iter().filter_map(|group| Some((group.tc?, group)));
+    let ranked = report
+        .groups
+        .iter()
+        .filter_map(|group| Some((group.tc?, group)));
     let Some((tc, best)) = ranked.max_by(|a, b| a.0.total_cmp(&b.0)) else {
         return String::new();
     };
     let objects: Vec<String> = best
         .objects
         .iter()
-        .map(|o| format!("{} in {}", o.name, (o.tc.unwrap_or(0.0) * o.count as f64).round()))
+        .map(|o| {
+            format!(
+                "{} in {}",
+                o.name,
+                (o.tc.unwrap_or(0.0) * o.count as f64).round()
+            )
+        })
         .collect();
     let runs = match best.complete {
         1 => "its one run".to_owned(),
         n => format!("its {n} runs"),
     };
-    let alone = match report.groups.iter().filter(|group| group.tc == Some(tc)).count() {
+    let alone = match report
+        .groups
+        .iter()
+        .filter(|group| group.tc == Some(tc))
+        .count()
+    {
         1 => "has the highest mean tracking capability",
         _ => "is among those with the highest mean tracking capability",
     };

@@ -23,7 +23,8 @@ pub struct RunsReport {
     pub intervals: String,
     /// The groups, by name.
     pub groups: Vec<GroupReport>,
-    /// Of each object, how probable it is that a run of one group has a lower error than one of another.
+    /// Of each object, how probable it is that a run of one group has a lower error than one of
+    /// another.
     pub improvement: Vec<ImprovementReport>,
     /// Folders of runs that cannot be read, and so belong to no group.
     pub unread: Vec<Unread>,
@@ -45,7 +46,8 @@ pub struct GroupReport {
     pub incomplete: Vec<IncompleteRun>,
     /// Epochs of the complete runs.
     pub epochs: u32,
-    /// The size that frames are resized to, e.g. `64 x 64`; null where it is not known or not the same for all.
+    /// The size that frames are resized to, e.g. `64 x 64`; null where it is not known or not the
+    /// same for all.
     pub input: Option<String>,
     /// Mean TC over the runs, and its interval; null without a complete run.
     pub tc: Option<f64>,
@@ -130,7 +132,8 @@ pub struct ImprovementReport {
 }
 
 impl RunsReport {
-    /// The statistics of `runs`, with intervals of `resamples` draws; `unread` is listed beside them.
+    /// The statistics of `runs`, with intervals of `resamples` draws; `unread` is listed beside
+    /// them.
     ///
     /// # Errors
     /// When an error in a log is not a number.
@@ -167,7 +170,9 @@ impl RunsReport {
         Ok(Self {
             schema: "tracklens/report/1".to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            intervals: format!("95 % percentile bootstrap over runs, {resamples} resamples, seed {seed}"),
+            intervals: format!(
+                "95 % percentile bootstrap over runs, {resamples} resamples, seed {seed}"
+            ),
             groups,
             improvement,
             unread,
@@ -181,7 +186,8 @@ impl RunsReport {
         self.groups.iter().map(|group| group.complete).sum()
     }
 
-    /// Whether a group has more than one run. Otherwise statistics over runs say nothing that the errors do not.
+    /// Whether a group has more than one run. Otherwise statistics over runs say nothing that the
+    /// errors do not.
     pub fn has_spread(&self) -> bool {
         self.groups.iter().any(|group| group.complete > 1)
     }
@@ -266,7 +272,8 @@ impl GroupReport {
         let runs: Vec<RunReport> = group
             .complete()
             .map(|run| {
-                let errors: Vec<Option<f64>> = objects.iter().map(|(name, _)| run.error(name)).collect();
+                let errors: Vec<Option<f64>> =
+                    objects.iter().map(|(name, _)| run.error(name)).collect();
                 let tracked = errors
                     .iter()
                     .zip(objects)
@@ -291,7 +298,11 @@ impl GroupReport {
          -> Result<Option<[f64; 2]>> {
             let strata = [values.to_vec()];
             (values.len() > 1)
-                .then(|| stratified_interval(&strata, resamples, LEVEL, seed, |drawn| statistic(&drawn[0])))
+                .then(|| {
+                    stratified_interval(&strata, resamples, LEVEL, seed, |drawn| {
+                        statistic(&drawn[0])
+                    })
+                })
                 .transpose()
         };
         let average = |values: &[f64]| Ok(mean(values).unwrap_or(f64::NAN));
@@ -303,7 +314,9 @@ impl GroupReport {
                 .iter()
                 .map(|e| f64::from(u8::from(e <= threshold)))
                 .collect();
-            let sample = (!errors.is_empty()).then(|| Sample::of(&errors)).transpose()?;
+            let sample = (!errors.is_empty())
+                .then(|| Sample::of(&errors))
+                .transpose()?;
             reports.push(ObjectRunsReport {
                 name: name.clone(),
                 threshold: *threshold,

@@ -10,7 +10,8 @@ use crate::data::quote_csv;
 /// What marks an error that is at most its threshold.
 pub(super) const TRACKED: &str = "✓";
 /// What tables of groups that have one run each leave out, and why.
-pub(super) const NO_SPREAD: &str = "Every group has one run at most, so statistics over runs are left out";
+pub(super) const NO_SPREAD: &str =
+    "Every group has one run at most, so statistics over runs are left out";
 
 /// What stands for a number that there is not.
 pub(super) const NONE: &str = "–";
@@ -56,7 +57,10 @@ fn with_interval(value: Option<f64>, interval: Option<[f64; 2]>, digits: usize) 
 /// One line a run, as CSV.
 pub fn runs_csv(report: &RunsReport) -> String {
     let mut out = String::from("group,run,architecture,seed,epochs,complete,tc,reconstruction");
-    let objects = report.groups.first().map_or(&[][..], |group| &group.objects);
+    let objects = report
+        .groups
+        .first()
+        .map_or(&[][..], |group| &group.objects);
     for object in objects {
         out += &format!(",{}", quote_csv(&format!("error_{}", object.name)));
     }
@@ -96,7 +100,11 @@ pub fn runs_csv(report: &RunsReport) -> String {
     }
     for run in &report.unread {
         let (name, reason) = (quote_csv(&run.name), quote_csv(&run.reason));
-        let _ = writeln!(out, ",{name},,,0,false,,{},{reason}", ",".repeat(objects.len()));
+        let _ = writeln!(
+            out,
+            ",{name},,,0,false,,{},{reason}",
+            ",".repeat(objects.len())
+        );
     }
     out
 }
@@ -109,7 +117,8 @@ pub fn errors_csv(report: &RunsReport) -> String {
     );
     for group in &report.groups {
         for object in &group.objects {
-            let ends = |interval: Option<[f64; 2]>| interval.map_or([None; 2], |ends| ends.map(Some));
+            let ends =
+                |interval: Option<[f64; 2]>| interval.map_or([None; 2], |ends| ends.map(Some));
             let quartiles = object.quartiles.map_or([None; 5], |q| q.map(Some));
             let numbers = [object.tc]
                 .into_iter()
@@ -120,7 +129,10 @@ pub fn errors_csv(report: &RunsReport) -> String {
                 .chain([object.iqm_trimmed])
                 .chain(ends(object.iqm_interval));
             let names = [&group.name, &object.name].map(|name| quote_csv(name));
-            out += &format!("{},{},{},{}", names[0], names[1], object.threshold, object.count);
+            out += &format!(
+                "{},{},{},{}",
+                names[0], names[1], object.threshold, object.count
+            );
             for value in numbers.chain([object.iqm_window]) {
                 out.push(',');
                 out += &value.map(|v| v.to_string()).unwrap_or_default();
@@ -238,7 +250,11 @@ fn only_errors_table(out: &mut String, report: &RunsReport, names: &[&str]) {
     for group in &report.groups {
         let mut cells = vec![group.name.clone(), with_interval(group.tc, None, 3)];
         cells.extend(group.only_errors().map(|(error, object)| {
-            let mark = if object.is_tracked(error) { TRACKED } else { "" };
+            let mark = if object.is_tracked(error) {
+                TRACKED
+            } else {
+                ""
+            };
             format!("{} {mark}", number(error)).trim_end().to_owned()
         }));
         row(out, &cells);
@@ -253,11 +269,23 @@ fn reference_tables(out: &mut String, reference: &ReferenceReport, objects: &[&s
         reference.citation, reference.setting, reference.own_setting
     );
     let heading = |what: &str| format!("{what}: {name} / here");
-    let mut columns = vec!["architecture".to_owned(), "runs".to_owned(), heading("mean TC")];
-    columns.extend(objects.iter().map(|object| heading(&format!("TC {object}"))));
+    let mut columns = vec![
+        "architecture".to_owned(),
+        "runs".to_owned(),
+        heading("mean TC"),
+    ];
+    columns.extend(
+        objects
+            .iter()
+            .map(|object| heading(&format!("TC {object}"))),
+    );
     header(out, &columns);
     for line in &reference.rows {
-        let mut cells = vec![line.architecture.clone(), line.runs.to_string(), pair(&line.tc)];
+        let mut cells = vec![
+            line.architecture.clone(),
+            line.runs.to_string(),
+            pair(&line.tc),
+        ];
         cells.extend(line.objects.iter().map(pair));
         row(out, &cells);
     }

@@ -1,4 +1,5 @@
-//! Trajectories on their frames, as in the paper: the object white, its best keypoint red, the transformed keypoint blue.
+//! Trajectories on their frames, as in the paper: the object white, its best keypoint red, the
+//! transformed keypoint blue.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -42,7 +43,8 @@ pub struct Scene {
     pub paths: Vec<Path>,
 }
 
-/// One object and its best keypoint over a sequence; points (x, y) in ndc, NaN where the object is not visible.
+/// One object and its best keypoint over a sequence; points (x, y) in ndc, NaN where the object is
+/// not visible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Path {
     /// The object.
@@ -53,7 +55,8 @@ pub struct Path {
     pub transformed: Vec<[f64; 2]>,
 }
 
-/// A figure of `scenes` side by side, with a row an object: `objects` are its name and a line of smaller print below it.
+/// A figure of `scenes` side by side, with a row an object: `objects` are its name and a line of
+/// smaller print below it.
 ///
 /// # Errors
 /// When there is no scene, a scene has another number of objects, or the figure cannot be drawn.
@@ -68,7 +71,10 @@ pub fn trajectories(
             "no sequence is given for a figure of trajectories; expected one or more",
         ));
     };
-    if let Some(scene) = scenes.iter().find(|scene| scene.paths.len() != objects.len()) {
+    if let Some(scene) = scenes
+        .iter()
+        .find(|scene| scene.paths.len() != objects.len())
+    {
         return Err(Error::input(format!(
             "{} has trajectories of {} objects; expected {}",
             scene.title,
@@ -77,7 +83,11 @@ pub fn trajectories(
         )));
     }
     let height = |scene: &Scene| (FRAME * scene.size[1] / scene.size[0].max(1)).max(1);
-    let tallest = scenes.iter().map(height).max().unwrap_or_else(|| height(first));
+    let tallest = scenes
+        .iter()
+        .map(height)
+        .max()
+        .unwrap_or_else(|| height(first));
     let size = [
         (LEFT + scenes.len() as u32 * (FRAME + GAP)).max(560),
         TOP + objects.len() as u32 * (tallest + GAP),
@@ -87,11 +97,16 @@ pub fn trajectories(
 
     let mut svg = String::new();
     let mut drawn = || -> Done {
-        let area = Measured(SVGBackend::with_string(&mut svg, (size[0], size[1]))).into_drawing_area();
+        let area =
+            Measured(SVGBackend::with_string(&mut svg, (size[0], size[1]))).into_drawing_area();
         area.fill(&PAPER)?;
         legend(&area)?;
         for (column, scene) in scenes.iter().enumerate() {
-            area.draw_text(&scene.title, &text(), (left(column) as i32, TOP as i32 - EM - 5))?;
+            area.draw_text(
+                &scene.title,
+                &text(),
+                (left(column) as i32, TOP as i32 - EM - 5),
+            )?;
             for (row, path) in scene.paths.iter().enumerate() {
                 let (x, y) = (left(column), top(row));
                 let cell = area.clone().shrink((x, y), (FRAME, height(scene)));
@@ -110,7 +125,8 @@ pub fn trajectories(
     };
     drawn().map_err(|e| Error::input(format!("a figure could not be drawn: {e}")))?;
 
-    // plotters draws no pictures in SVG: they lie between its background, which comes first, and all else; each is there once.
+    // plotters draws no pictures in SVG: they lie between its background, which comes first, and
+    // all else; each is there once.
     let mut pictures = String::new();
     for (column, scene) in scenes.iter().enumerate() {
         let id = format!("{}-{column}", file_name(name));
@@ -147,7 +163,10 @@ fn legend(area: &DrawingArea<Backend<'_>, Shift>) -> Done {
     for (color, label) in entries {
         let ends = [(left, middle - 3), (left + 22, middle + 3)];
         area.draw(&Rectangle::new(ends, ShapeStyle::from(&color).filled()))?;
-        area.draw(&Rectangle::new(ends, ShapeStyle::from(&INK).stroke_width(1)))?;
+        area.draw(&Rectangle::new(
+            ends,
+            ShapeStyle::from(&INK).stroke_width(1),
+        ))?;
         area.draw_text(label, &text(), (left + 28, middle - EM / 2))?;
         left += 28 + area.estimate_text_size(label, &text())?.0 as i32 + 2 * EM;
     }
@@ -157,7 +176,8 @@ fn legend(area: &DrawingArea<Backend<'_>, Shift>) -> Done {
 /// The lines of one object over a frame of `size`; a ring marks where they start.
 fn draw(cell: &DrawingArea<Backend<'_>, Shift>, path: &Path, size: [u32; 2]) -> Done {
     let place = |point: &[f64; 2]| {
-        // What lies outside the image stays at its edge: it would be drawn over the frame beside it.
+        // What lies outside the image stays at its edge: it would be drawn over the frame beside
+        // it.
         let pixel = |axis: usize| {
             let share = (point[axis].clamp(-1.0, 1.0) + 1.0) / 2.0;
             (share * f64::from(size[axis])).round() as i32

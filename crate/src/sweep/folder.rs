@@ -110,8 +110,8 @@ impl RunPlace {
         log.map_or(0, |log| log.iter().filter(|b| **b == b'\n').count() as u64)
     }
 
-    /// Takes the run, which is to have `epochs` epochs, to work on it in [`RunPlace::partial`]; nothing when it is complete. A
-    /// run that is complete with fewer epochs is taken up again.
+    /// Takes the run, which is to have `epochs` epochs, to work on it in [`RunPlace::partial`];
+    /// nothing when it is complete. A run that is complete with fewer epochs is taken up again.
     ///
     /// # Errors
     /// When somebody else has it (with who), or the folder cannot be written.
@@ -127,7 +127,9 @@ impl RunPlace {
         match lock.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                let holder = self.holder()?.unwrap_or_else(|| "another process".to_owned());
+                let holder = self
+                    .holder()?
+                    .unwrap_or_else(|| "another process".to_owned());
                 return Err(Error::mismatch(format!(
                     "is being worked on by {holder}; wait for it or end it"
                 ))
@@ -176,8 +178,8 @@ impl RunPlace {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
             Err(e) => return Err(Error::io(path.display(), &e)),
         };
-        let summary: TrainSummary =
-            serde_json::from_slice(&bytes).map_err(|e| Error::input(e.to_string()).at(path.display()))?;
+        let summary: TrainSummary = serde_json::from_slice(&bytes)
+            .map_err(|e| Error::input(e.to_string()).at(path.display()))?;
         Ok(summary.epochs >= epochs)
     }
 
@@ -222,7 +224,10 @@ impl Claim {
     /// # Errors
     /// When the note cannot be written.
     pub fn fail(self, error: &Error) -> Result<()> {
-        atomic::write(&self.place.partial.join(ERROR), format!("{error}\n").as_bytes())
+        atomic::write(
+            &self.place.partial.join(ERROR),
+            format!("{error}\n").as_bytes(),
+        )
     }
 }
 

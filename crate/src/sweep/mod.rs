@@ -1,7 +1,9 @@
-//! Many runs: what a sweep file asks for, the folders of its runs and what state they are in, and their way to a cluster.
+//! Many runs: what a sweep file asks for, the folders of its runs and what state they are in, and
+//! their way to a cluster.
 //!
-//! A sweep lives in one folder: `plan.jsonl` with a line a run, and a folder a run, `ARCHITECTURE/seed-S`. A run
-//! is trained in `….partial`, which takes its final name when the run is complete: whatever has the final name is whole.
+//! A sweep lives in one folder: `plan.jsonl` with a line a run, and a folder a run,
+//! `ARCHITECTURE/seed-S`. A run is trained in `….partial`, which takes its final name when the run
+//! is complete: whatever has the final name is whole.
 
 mod folder;
 mod plan;

@@ -78,8 +78,8 @@ impl SweepFile {
     /// Reads a sweep file (TOML), whose paths are relative to `folder`.
     ///
     /// # Errors
-    /// When the text is no TOML, a key or an architecture is unknown, a value is not what the key takes, or one that is
-    /// needed is missing; with the line, and the nearest name that is known.
+    /// When the text is no TOML, a key or an architecture is unknown, a value is not what the key
+    /// takes, or one that is needed is missing; with the line, and the nearest name that is known.
     pub fn parse(text: &str, folder: &Path, settings: &[Setting]) -> Result<Self> {
         Reader {
             text,
@@ -99,7 +99,10 @@ impl SweepFile {
             .max(2);
         let mut runs = Vec::new();
         for architecture in &self.architectures {
-            let own = self.architecture.iter().filter(|(name, _)| name == architecture);
+            let own = self
+                .architecture
+                .iter()
+                .filter(|(name, _)| name == architecture);
             let own: Vec<String> = own.flat_map(|(_, arguments)| arguments.clone()).collect();
             for (variant, more) in &self.variants {
                 for seed in &self.seeds {
@@ -130,12 +133,15 @@ impl SweepFile {
     }
 }
 
-/// Of an option that is given several times, the last one. Every argument is `--name`, or a value after it.
+/// Of an option that is given several times, the last one. Every argument is `--name`, or a value
+/// after it.
 fn deduplicated(arguments: Vec<String>) -> Vec<String> {
     let mut options: Vec<Vec<String>> = Vec::new();
     for argument in arguments {
         match options.last_mut() {
-            Some(option) if option.len() == 1 && !argument.starts_with("--") => option.push(argument),
+            Some(option) if option.len() == 1 && !argument.starts_with("--") => {
+                option.push(argument)
+            }
             _ => options.push(vec![argument]),
         }
     }
@@ -156,7 +162,8 @@ impl Plan {
     pub fn to_jsonl(&self) -> Result<String> {
         let mut text = String::new();
         for run in &self.runs {
-            text += &serde_json::to_string(run).map_err(|e| Error::input(format!("{}: {e}", run.run)))?;
+            text += &serde_json::to_string(run)
+                .map_err(|e| Error::input(format!("{}: {e}", run.run)))?;
             text.push('\n');
         }
         Ok(text)
@@ -165,7 +172,8 @@ impl Plan {
     /// Reads a `plan.jsonl`.
     ///
     /// # Errors
-    /// Names the line that is no run, or whose name leads out of the sweep's folder or is there twice.
+    /// Names the line that is no run, or whose name leads out of the sweep's folder or is there
+    /// twice.
     pub fn parse(text: &str) -> Result<Self> {
         let mut runs: Vec<PlannedRun> = Vec::new();
         for (i, line) in text.lines().enumerate() {
@@ -183,7 +191,9 @@ impl Plan {
             runs.push(run);
         }
         if runs.is_empty() {
-            return Err(Error::input("holds no run; write it with `tracklens sweep plan`"));
+            return Err(Error::input(
+                "holds no run; write it with `tracklens sweep plan`",
+            ));
         }
         Ok(Self { runs })
     }
@@ -193,12 +203,14 @@ impl Plan {
     /// # Errors
     /// When there is no such line.
     pub fn line(&self, line: usize) -> Result<&PlannedRun> {
-        line.checked_sub(1).and_then(|i| self.runs.get(i)).ok_or_else(|| {
-            Error::input(format!(
-                "there is no line {line}; expected 1 to {}",
-                self.runs.len()
-            ))
-        })
+        line.checked_sub(1)
+            .and_then(|i| self.runs.get(i))
+            .ok_or_else(|| {
+                Error::input(format!(
+                    "there is no line {line}; expected 1 to {}",
+                    self.runs.len()
+                ))
+            })
     }
 }
 
@@ -229,11 +241,12 @@ impl Reader<'_> {
             let found = table.iter().find(|(key, _)| key.get_ref() == name);
             found.map(|(_, value)| value)
         };
-        let missing =
-            |name: &str, example: &str| Error::input(format!("`{name}` is missing; expected e.g. {example}"));
+        let missing = |name: &str, example: &str| {
+            Error::input(format!("`{name}` is missing; expected e.g. {example}"))
+        };
         let data = need("data").ok_or_else(|| missing("data", "data = \"recording\""))?;
-        let architectures =
-            need("architectures").ok_or_else(|| missing("architectures", "architectures = [\"basic\"]"))?;
+        let architectures = need("architectures")
+            .ok_or_else(|| missing("architectures", "architectures = [\"basic\"]"))?;
         let seeds = need("seeds").ok_or_else(|| missing("seeds", "seeds = \"0-23\""))?;
         let architectures = self.architectures(architectures)?;
         let mut architecture = Vec::new();
@@ -241,7 +254,11 @@ impl Reader<'_> {
             for (key, value) in self.table(value)? {
                 let name = key.get_ref().as_ref();
                 if !architectures.iter().any(|a| a == name) {
-                    return Err(self.unknown("architecture", key, architectures.iter().map(String::as_str)));
+                    return Err(self.unknown(
+                        "architecture",
+                        key,
+                        architectures.iter().map(String::as_str),
+                    ));
                 }
                 architecture.push((name.to_owned(), self.arguments(value, &[])?));
             }
@@ -359,14 +376,18 @@ impl Reader<'_> {
                 SettingKind::Switch => match value.get_ref().as_bool() {
                     Some(true) => arguments.push(flag),
                     Some(false) => {}
-                    None => return Err(self.wrong(&value.span(), format!("`{name}` is true or false"))),
+                    None => {
+                        return Err(self.wrong(&value.span(), format!("`{name}` is true or false")));
+                    }
                 },
                 SettingKind::Path => {
                     let path = self.folder.join(self.string(value)?);
                     arguments.extend([flag, path.to_string_lossy().into_owned()]);
                 }
                 // `=` keeps a negative number from being taken for an option.
-                SettingKind::Value => arguments.push(format!("{flag}={}", self.value(name, value)?)),
+                SettingKind::Value => {
+                    arguments.push(format!("{flag}={}", self.value(name, value)?))
+                }
             }
         }
         Ok(arguments)
@@ -434,7 +455,10 @@ impl Reader<'_> {
         let name = key.get_ref();
         let nearest = nearest(name, known.clone());
         let known: Vec<&str> = known.collect();
-        let message = format!("unknown {what} `{name}`{nearest} (known: {})", known.join(", "));
+        let message = format!(
+            "unknown {what} `{name}`{nearest} (known: {})",
+            known.join(", ")
+        );
         self.wrong(&key.span(), message)
     }
 

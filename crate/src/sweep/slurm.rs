@@ -41,19 +41,28 @@ pub fn array(lines: &[usize]) -> String {
     ranges.iter().map(range).collect::<Vec<_>>().join(",")
 }
 
-/// The batch script that runs these lines of the sweep in `folder` as a job array, with the program `program`.
+/// The batch script that runs these lines of the sweep in `folder` as a job array, with the program
+/// `program`.
 ///
-/// A job that its node loses, or that is preempted, is queued again and goes on after its last whole epoch.
+/// A job that its node loses, or that is preempted, is queued again and goes on after its last
+/// whole epoch.
 ///
 /// # Errors
 /// When a path cannot be written in a script.
-pub fn script(submission: &Submission, lines: &[usize], folder: &Path, program: &Path) -> Result<String> {
+pub fn script(
+    submission: &Submission,
+    lines: &[usize],
+    folder: &Path,
+    program: &Path,
+) -> Result<String> {
     let quote = |path: &Path| -> Result<String> {
         let text = path.to_string_lossy();
-        let quoted = shlex::try_quote(&text).map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
+        let quoted = shlex::try_quote(&text)
+            .map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
         Ok(quoted.into_owned())
     };
-    // Slurm reads its options as a shell does, but for a % before some letters, which is written twice.
+    // Slurm reads its options as a shell does, but for a % before some letters, which is written
+    // twice.
     let log = folder.join("slurm").to_string_lossy().replace('%', "%%");
     let mut options = vec![
         "--job-name=tracklens".to_owned(),
@@ -65,7 +74,8 @@ pub fn script(submission: &Submission, lines: &[usize], folder: &Path, program: 
         "--open-mode=append".to_owned(),
         "--requeue".to_owned(),
     ];
-    let mut add = |name: &str, value: Option<String>| options.extend(value.map(|v| format!("--{name}={v}")));
+    let mut add =
+        |name: &str, value: Option<String>| options.extend(value.map(|v| format!("--{name}={v}")));
     add("cpus-per-task", submission.cpus.map(|n| n.to_string()));
     add("gpus", submission.gpus.map(|n| n.to_string()));
     add("time", submission.time.clone());

@@ -29,8 +29,8 @@ pub struct TrainConfig {
     ///
     /// [`Architecture::velocity_weight`]: crate::checkpoint::Architecture::velocity_weight
     pub velocity_weight: f64,
-    /// Leaves out the snippets that do not fill a batch, in training and in validation, as the authors' code does. The
-    /// paper does not mention it.
+    /// Leaves out the snippets that do not fill a batch, in training and in validation, as the
+    /// authors' code does. The paper does not mention it.
     pub drop_last: bool,
     /// The frames that the metric of an epoch is computed on.
     pub validation_frames: ValidationFrames,
@@ -45,13 +45,14 @@ pub struct TrainConfig {
     /// The checkpoint that all weights start from; null: drawn from the seed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<StartWeights>,
-    /// What computes; left out when it is the CPU. Devices round differently and so come to different weights.
+    /// What computes; left out when it is the CPU. Devices round differently and so come to
+    /// different weights.
     #[serde(default, skip_serializing_if = "DeviceKind::is_cpu")]
     pub device: DeviceKind,
 }
 
-/// The first convolution of another network, which training starts from. The weights themselves are given to
-/// `train`; this is what tells two of them apart.
+/// The first convolution of another network, which training starts from. The weights themselves are
+/// given to `train`; this is what tells two of them apart.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FirstLayer {
@@ -61,8 +62,8 @@ pub struct FirstLayer {
     pub crc32: u32,
 }
 
-/// The checkpoint that a training starts from. The weights themselves are given to `train`; this is what tells two of
-/// them apart.
+/// The checkpoint that a training starts from. The weights themselves are given to `train`; this is
+/// what tells two of them apart.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartWeights {
@@ -74,7 +75,8 @@ pub struct StartWeights {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ValidationFrames {
-    /// The first frame of every snippet, as in the authors' code: the last two frames of a sequence do not count.
+    /// The first frame of every snippet, as in the authors' code: the last two frames of a sequence
+    /// do not count.
     #[default]
     First,
     /// Every frame, as in the paper's text.
@@ -99,9 +101,9 @@ pub enum BackgroundStart {
     /// Zero (paper, appendix, "Modifications").
     #[default]
     Zero,
-    /// The mean of the training targets, less the bias of the decoder's last convolution. Learning the background takes
-    /// the first hundreds of steps, in which every weight moves along; an encoder that need not do that keeps what it
-    /// sees of small objects.
+    /// The mean of the training targets, less the bias of the decoder's last convolution. Learning
+    /// the background takes the first hundreds of steps, in which every weight moves along; an
+    /// encoder that need not do that keeps what it sees of small objects.
     Mean,
 }
 
@@ -112,8 +114,9 @@ impl BackgroundStart {
 }
 
 impl TrainConfig {
-    /// The paper's settings (appendix, table "Hyperparameters for SAE training"): 500 epochs, batches of 32, Adam with
-    /// learning rate 0.001, noise 0.001; half of the sequences for training, a quarter for validation.
+    /// The paper's settings (appendix, table "Hyperparameters for SAE training"): 500 epochs,
+    /// batches of 32, Adam with learning rate 0.001, noise 0.001; half of the sequences for
+    /// training, a quarter for validation.
     pub fn new(sae: SaeConfig) -> Self {
         Self {
             velocity_weight: sae.architecture.velocity_weight(),
@@ -144,7 +147,9 @@ impl TrainConfig {
     pub fn validate(&self) -> Result<()> {
         self.sae.validate()?;
         let wrong = |what: &str, value: &dyn std::fmt::Display, expected: &str| {
-            Err(Error::input(format!("{what} is {value}; expected {expected}")))
+            Err(Error::input(format!(
+                "{what} is {value}; expected {expected}"
+            )))
         };
         if self.epochs == 0 {
             return wrong("the number of epochs", &0, "at least 1");
@@ -153,7 +158,11 @@ impl TrainConfig {
             return wrong("the batch", &0, "at least 1 snippet");
         }
         if !(self.learning_rate.is_finite() && self.learning_rate > 0.0) {
-            return wrong("the learning rate", &self.learning_rate, "a positive number");
+            return wrong(
+                "the learning rate",
+                &self.learning_rate,
+                "a positive number",
+            );
         }
         if !(self.noise.is_finite() && self.noise >= 0.0) {
             return wrong("the noise", &self.noise, "0 or a positive number");

@@ -18,9 +18,9 @@ pub const DEFAULT_CACHE: u64 = 4 << 30;
 
 /// Sequences of frames with their ground truth.
 ///
-/// Decoded frames are kept in memory up to a budget: an input takes 1 byte a channel where frames are images of the
-/// encoder's input size, 4 bytes where they are floats or resized; a target takes 4. The others are read and decoded
-/// again whenever they are needed; the numbers are the same.
+/// Decoded frames are kept in memory up to a budget: an input takes 1 byte a channel where frames
+/// are images of the encoder's input size, 4 bytes where they are floats or resized; a target takes
+/// 4. The others are read and decoded again whenever they are needed; the numbers are the same.
 #[derive(Debug, Clone)]
 pub struct Dataset {
     /// The sequences, each of at least [`SNIPPET`] frames.
@@ -96,8 +96,8 @@ impl Decoded {
 }
 
 impl Frames {
-    /// Decodes every frame once, so that one that cannot be read is found before the training, and keeps as many as
-    /// `cache` bytes hold. Also returns the size of the inputs.
+    /// Decodes every frame once, so that one that cannot be read is found before the training, and
+    /// keeps as many as `cache` bytes hold. Also returns the size of the inputs.
     fn load(decoder: Decoder, cache: u64, cancel: &Cancel) -> Result<(Self, [usize; 2])> {
         let keys = decoder.source.index().keys();
         let taken = AtomicU64::new(0);
@@ -158,14 +158,15 @@ impl fmt::Debug for Frames {
 }
 
 impl Dataset {
-    /// Decodes the frames of `source`, joins them to `truth`, and keeps decoded frames up to `cache` bytes
-    /// ([`DEFAULT_CACHE`]).
+    /// Decodes the frames of `source`, joins them to `truth`, and keeps decoded frames up to
+    /// `cache` bytes ([`DEFAULT_CACHE`]).
     ///
-    /// Inputs are resized with antialiasing to the configured input size (none: every frame must have the size of the
-    /// first), targets as configured.
+    /// Inputs are resized with antialiasing to the configured input size (none: every frame must
+    /// have the size of the first), targets as configured.
     ///
     /// # Errors
-    /// When a frame cannot be read, sizes differ, no frame has a row, or no sequence is long enough.
+    /// When a frame cannot be read, sizes differ, no frame has a row, or no sequence is long
+    /// enough.
     pub fn load(
         source: Arc<dyn FrameSource>,
         truth: &GroundTruth,
@@ -215,9 +216,14 @@ impl Dataset {
                 continue;
             }
             let mut truth_ndc = Array3::from_elem((range.length, truth.names().len(), 2), f64::NAN);
-            for (t, row) in row_of[range.start..range.start + range.length].iter().enumerate() {
+            for (t, row) in row_of[range.start..range.start + range.length]
+                .iter()
+                .enumerate()
+            {
                 if let Some(row) = row {
-                    truth_ndc.index_axis_mut(Axis(0), t).assign(&truth.frame(*row));
+                    truth_ndc
+                        .index_axis_mut(Axis(0), t)
+                        .assign(&truth.frame(*row));
                 }
             }
             sequences.push(Sequence {
@@ -245,8 +251,8 @@ impl Dataset {
         })
     }
 
-    /// Inputs (3 x height x width in [0, 1] each) and targets of frames, given by sequence and index, one after the other;
-    /// frames that are not in memory are decoded side by side.
+    /// Inputs (3 x height x width in [0, 1] each) and targets of frames, given by sequence and
+    /// index, one after the other; frames that are not in memory are decoded side by side.
     ///
     /// # Errors
     /// When a frame cannot be read any more.

@@ -12,16 +12,16 @@ use crate::error::{Error, Result};
 /// What TensorBoard knows event files by.
 const PREFIX: &str = "events.out.tfevents.";
 
-/// The scalars of a run's epochs, which are the steps of TensorBoard: `training/total` and so on, `validation/total` and so
-/// on, `tc`, and `error/MAP/OBJECT`.
+/// The scalars of a run's epochs, which are the steps of TensorBoard: `training/total` and so on,
+/// `validation/total` and so on, `tc`, and `error/MAP/OBJECT`.
 pub(super) struct Events {
     path: PathBuf,
     writer: SummaryWriter<File>,
 }
 
 impl Events {
-    /// Writes the epochs so far into a new file, which takes the place of the run's earlier ones: a part of an event file
-    /// that an interrupted run left may be cut anywhere.
+    /// Writes the epochs so far into a new file, which takes the place of the run's earlier ones: a
+    /// part of an event file that an interrupted run left may be cut anywhere.
     pub fn create(folder: &Path, past: &[EpochLog]) -> Result<Self> {
         let failed = |e: std::io::Error| Error::io(folder.display(), &e);
         let mut earlier = Vec::new();
@@ -40,7 +40,9 @@ impl Events {
             .find(|path| !path.exists())
             .unwrap_or_else(|| folder.join(PREFIX));
         let failed = |e: std::io::Error| Error::io(path.display(), &e);
-        let writer = File::create(&path).and_then(SummaryWriter::new).map_err(failed)?;
+        let writer = File::create(&path)
+            .and_then(SummaryWriter::new)
+            .map_err(failed)?;
         let mut events = Self { path, writer };
         for epoch in past {
             events.write(epoch)?;
@@ -53,7 +55,10 @@ impl Events {
 
     pub fn write(&mut self, epoch: &EpochLog) -> Result<()> {
         let mut scalars = vec![("tc".to_owned(), epoch.tc)];
-        for (part, losses) in [("training", epoch.training), ("validation", epoch.validation)] {
+        for (part, losses) in [
+            ("training", epoch.training),
+            ("validation", epoch.validation),
+        ] {
             let Losses {
                 total,
                 reconstruction,

@@ -6,7 +6,8 @@ use burn::optim::{
 };
 use burn::prelude::{Device, Tensor};
 
-/// PyTorch's default; burn's is 1e-5, which is far from negligible against the small gradients here.
+/// PyTorch's default; burn's is 1e-5, which is far from negligible against the small gradients
+/// here.
 const EPSILON: f32 = 1e-8;
 
 /// Adam with PyTorch's defaults.
@@ -14,8 +15,9 @@ pub(super) fn adam() -> ModuleOptimizer {
     HostLoaded(AdamConfig::new().with_epsilon(EPSILON).build()).into()
 }
 
-/// burn loads the state of an optimizer on its default device, which is the GPU in a build that knows one, whether
-/// the machine has one or not. This one loads it on the CPU; the next step moves it to where the parameters are.
+/// burn loads the state of an optimizer on its default device, which is the GPU in a build that
+/// knows one, whether the machine has one or not. This one loads it on the CPU; the next step moves
+/// it to where the parameters are.
 #[derive(Clone)]
 struct HostLoaded(Adam);
 

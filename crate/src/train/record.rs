@@ -1,4 +1,5 @@
-//! What a run writes down: `config.json`, `log.jsonl`, `summary.json`. Reading it needs no training.
+//! What a run writes down: `config.json`, `log.jsonl`, `summary.json`. Reading it needs no
+//! training.
 
 use std::collections::BTreeMap;
 
@@ -78,10 +79,11 @@ pub struct EpochLog {
     pub training: Losses,
     /// On the validation sequences.
     pub validation: Losses,
-    /// Tracking capability on the validation sequences (affine map, fitted and scored on the same frames).
+    /// Tracking capability on the validation sequences (affine map, fitted and scored on the same
+    /// frames).
     pub tc: f64,
-    /// Tracking error there of the best keypoint, by the map (`identity`, `scale-translate`, `affine`) and the object; null
-    /// when the object is visible nowhere.
+    /// Tracking error there of the best keypoint, by the map (`identity`, `scale-translate`,
+    /// `affine`) and the object; null when the object is visible nowhere.
     pub errors: BTreeMap<String, BTreeMap<String, Option<f64>>>,
 }
 
@@ -104,8 +106,8 @@ pub struct TrainSummary {
     pub evaluation: Option<EvaluationReport>,
 }
 
-/// The epochs of a `log.jsonl`, up to the first line that is none; and what is wrong with that line, which is the last one
-/// of a run that was ended while it wrote.
+/// The epochs of a `log.jsonl`, up to the first line that is none; and what is wrong with that
+/// line, which is the last one of a run that was ended while it wrote.
 pub fn read_log(bytes: &[u8]) -> (Vec<EpochLog>, Option<Error>) {
     let mut epochs = Vec::new();
     for (i, line) in bytes.split(|b| *b == b'\n').enumerate() {

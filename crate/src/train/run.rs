@@ -53,18 +53,21 @@ const MAY_CHANGE: [&str; 7] = [
     "version", "git_hash", "burn", "target", "threads", "adapter", "epochs",
 ];
 
-/// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch), `checkpoint_best.safetensors`
-/// and `checkpoint_final.safetensors` (every epoch anew), `state.safetensors` (what a resumed run starts from) and
-/// `summary.json`, and an event file if asked for. Each file is whole at any moment; a run that ends anywhere goes on with [`Existing::Resume`] and comes
-/// to the same weights as one that was never interrupted, bit by bit, on the same machine with the same number of threads.
+/// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch),
+/// `checkpoint_best.safetensors` and `checkpoint_final.safetensors` (every epoch anew),
+/// `state.safetensors` (what a resumed run starts from) and `summary.json`, and an event file if
+/// asked for. Each file is whole at any moment; a run that ends anywhere goes on with
+/// [`Existing::Resume`] and comes to the same weights as one that was never interrupted, bit by
+/// bit, on the same machine with the same number of threads.
 ///
-/// `weights` are what an untrained SAE starts from, of the configuration in `config` with the data set's input size. When
-/// cancelled, the summary says so, and everything of the last whole epoch is kept. It runs on the configured device; a GPU
-/// does not promise the same weights bit by bit.
+/// `weights` are what an untrained SAE starts from, of the configuration in `config` with the data
+/// set's input size. When cancelled, the summary says so, and everything of the last whole epoch is
+/// kept. It runs on the configured device; a GPU does not promise the same weights bit by bit.
 ///
 /// # Errors
-/// When the configuration or the data set does not allow training, the device is not there, the folder holds a run already (or, resuming, another
-/// one) or cannot be written, or the loss is not finite (with the epoch and what to try).
+/// When the configuration or the data set does not allow training, the device is not there, the
+/// folder holds a run already (or, resuming, another one) or cannot be written, or the loss is not
+/// finite (with the epoch and what to try).
 pub fn train(
     config: &TrainConfig,
     dataset: &Dataset,
@@ -118,7 +121,11 @@ pub fn train(
         }
         None if config.background == BackgroundStart::Mean => {
             let mean = mean_target(dataset, &training, cancel)?;
-            Trainer::on(&device, &on_background(weights, &mean)?, config.learning_rate)?
+            Trainer::on(
+                &device,
+                &on_background(weights, &mean)?,
+                config.learning_rate,
+            )?
         }
         None => Trainer::on(&device, weights, config.learning_rate)?,
     }
@@ -135,7 +142,8 @@ pub fn train(
     });
     for epoch in first..=config.epochs {
         let epoch_start = Instant::now();
-        // A stream of its own for every epoch: what an epoch draws does not hang on how many came before.
+        // A stream of its own for every epoch: what an epoch draws does not hang on how many came
+        // before.
         let mut rng = StdRng::seed_from_u64(config.seed ^ (u64::from(epoch) << 32));
         let mut order = snippets.clone();
         order.shuffle(&mut rng);
@@ -153,7 +161,9 @@ pub fn train(
             sum.velocity += losses.velocity;
             done += 1;
             let last = folder.progress.summary.last.as_ref();
-            let tracked = last.map(|l| format!(", TC {:.2}", l.tc)).unwrap_or_default();
+            let tracked = last
+                .map(|l| format!(", TC {:.2}", l.tc))
+                .unwrap_or_default();
             let note = format!(
                 "epoch {epoch}/{}, loss {:.5}{tracked}",
                 config.epochs, losses.total
@@ -210,7 +220,12 @@ struct RunFolder<'a> {
 }
 
 impl<'a> RunFolder<'a> {
-    fn open(path: &'a Path, options: RunOptions, run: &RunConfig, config: &TrainConfig) -> Result<Self> {
+    fn open(
+        path: &'a Path,
+        options: RunOptions,
+        run: &RunConfig,
+        config: &TrainConfig,
+    ) -> Result<Self> {
         let has_state = path.join(state::FILE).exists();
         if options.existing == Existing::Refuse && (has_state || path.join(FINAL).exists()) {
             return Err(Error::input(format!(
@@ -288,7 +303,8 @@ impl<'a> RunFolder<'a> {
         })
     }
 
-    /// Writes what an epoch came to. The state comes last: until it is there, the epoch has not happened.
+    /// Writes what an epoch came to. The state comes last: until it is there, the epoch has not
+    /// happened.
     fn finish_epoch(
         &mut self,
         trainer: &Trainer,
@@ -307,7 +323,9 @@ impl<'a> RunFolder<'a> {
         }
         let progress = &mut self.progress;
         progress.log_bytes += line.len() as u64;
-        let is_best = progress.best.is_none_or(|best| entry.validation.total < best);
+        let is_best = progress
+            .best
+            .is_none_or(|best| entry.validation.total < best);
         if is_best {
             progress.best = Some(entry.validation.total);
             progress.summary.best_epoch = entry.epoch;
@@ -338,8 +356,8 @@ impl<'a> RunFolder<'a> {
 /// Checks that the run in the folder computes the same as `run`.
 fn same_run(path: &Path, run: &RunConfig) -> Result<()> {
     let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
-    let there: Value =
-        serde_json::from_slice(&bytes).map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
+    let there: Value = serde_json::from_slice(&bytes)
+        .map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
     // Through text: an f32 turns into the digits that are in the file.
     let here = serde_json::to_string(run)
         .and_then(|json| serde_json::from_str(&json))
@@ -369,7 +387,9 @@ fn compare(at: &str, there: &Value, here: &Value, differences: &mut Vec<String>)
                 } else {
                     format!("{at}.{key}")
                 };
-                let value = |map: &serde_json::Map<String, Value>| map.get(key).cloned().unwrap_or_default();
+                let value = |map: &serde_json::Map<String, Value>| {
+                    map.get(key).cloned().unwrap_or_default()
+                };
                 compare(&at, &value(there), &value(here), differences);
             }
         }

@@ -14,20 +14,22 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// The file in the run folder.
 pub(super) const FILE: &str = "state.safetensors";
-/// The tensors of bytes that hold the optimizer's state and the weights: both are files of their own, kept
-/// in one, so that they belong together whenever the process ends.
+/// The tensors of bytes that hold the optimizer's state and the weights: both are files of their
+/// own, kept in one, so that they belong together whenever the process ends.
 const OPTIMIZER: &str = "optimizer.bpk";
 const WEIGHTS: &str = "weights.safetensors";
 const PROGRESS: &str = "tracklens.progress";
 
-/// How far a run has come. Random numbers are drawn anew from seed and epoch, so they need no state.
+/// How far a run has come. Random numbers are drawn anew from seed and epoch, so they need no
+/// state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Progress {
     /// As it stands after the epoch.
     pub summary: TrainSummary,
     /// The lowest total validation loss so far; null before the first epoch.
     pub best: Option<f64>,
-    /// Length of `log.jsonl` in bytes: what comes after it belongs to an epoch that was not finished.
+    /// Length of `log.jsonl` in bytes: what comes after it belongs to an epoch that was not
+    /// finished.
     pub log_bytes: u64,
 }
 
@@ -35,9 +37,11 @@ pub(super) struct Progress {
 pub(super) fn save(folder: &Path, trainer: &Trainer, progress: &Progress) -> Result<()> {
     let weights = trainer.checkpoint(BTreeMap::new())?.to_safetensors()?;
     let optimizer = trainer.optimizer_bytes()?;
-    let failed = |e: &dyn std::fmt::Display| Error::new(ErrorKind::Io, format!("the state of the run: {e}"));
+    let failed =
+        |e: &dyn std::fmt::Display| Error::new(ErrorKind::Io, format!("the state of the run: {e}"));
     let json = serde_json::to_string(progress).map_err(|e| failed(&e))?;
-    let view = |bytes| TensorView::new(Dtype::U8, vec![<[u8]>::len(bytes)], bytes).map_err(|e| failed(&e));
+    let view =
+        |bytes| TensorView::new(Dtype::U8, vec![<[u8]>::len(bytes)], bytes).map_err(|e| failed(&e));
     let tensors = [(WEIGHTS, view(&weights)?), (OPTIMIZER, view(&optimizer)?)];
     let header = HashMap::from([(PROGRESS.to_owned(), json)]);
     let bytes = safetensors::serialize(tensors, Some(header)).map_err(|e| failed(&e))?;

@@ -24,8 +24,8 @@ pub struct Trainer {
 }
 
 impl Trainer {
-    /// A trainer that starts from the weights of `checkpoint`, on burn's CPU device, with the velocity weight of its
-    /// architecture.
+    /// A trainer that starts from the weights of `checkpoint`, on burn's CPU device, with the
+    /// velocity weight of its architecture.
     ///
     /// # Errors
     /// As [`Sae::from_checkpoint`].
@@ -67,12 +67,15 @@ impl Trainer {
     /// When the device does not give the values back.
     pub fn optimizer_bytes(&self) -> Result<Vec<u8>> {
         let bytes = self.optimizer.into_bytes();
-        bytes
-            .map(|bytes| bytes.to_vec())
-            .map_err(|e| Error::numeric(format!("the state of the optimizer cannot be stored: {e:?}")))
+        bytes.map(|bytes| bytes.to_vec()).map_err(|e| {
+            Error::numeric(format!(
+                "the state of the optimizer cannot be stored: {e:?}"
+            ))
+        })
     }
 
-    /// Goes on with the moments of Adam that [`Trainer::optimizer_bytes`] gave for the same architecture.
+    /// Goes on with the moments of Adam that [`Trainer::optimizer_bytes`] gave for the same
+    /// architecture.
     ///
     /// # Errors
     /// When the bytes are damaged.
@@ -86,12 +89,19 @@ impl Trainer {
     /// One step of Adam on a batch of snippets.
     ///
     /// # Shapes
-    /// - `inputs`: (B * 3) x 3 x height x width of `input_size`, the frames of a snippet one after the other
+    /// - `inputs`: (B * 3) x 3 x height x width of `input_size`, the frames of a snippet one after
+    ///   the other
     /// - `targets`: (B * 3) x 3 x height x width of the configured target size
     ///
     /// # Errors
-    /// When the number of values does not fit, or the loss is not finite (the weights are not changed then).
-    pub fn step(&mut self, inputs: Vec<f32>, targets: Vec<f32>, input_size: [usize; 2]) -> Result<Losses> {
+    /// When the number of values does not fit, or the loss is not finite (the weights are not
+    /// changed then).
+    pub fn step(
+        &mut self,
+        inputs: Vec<f32>,
+        targets: Vec<f32>,
+        input_size: [usize; 2],
+    ) -> Result<Losses> {
         let device = self.device.clone().autodiff();
         let inputs = images(inputs, input_size, &device)?;
         let targets = images(targets, self.config.target_size, &device)?;
@@ -106,8 +116,8 @@ impl Trainer {
         Ok(losses)
     }
 
-    /// The gradients of the total loss, by the names of the state dict, without a step; the batch enters the running statistics of
-    /// batch norm all the same.
+    /// The gradients of the total loss, by the names of the state dict, without a step; the batch
+    /// enters the running statistics of batch norm all the same.
     ///
     /// # Errors
     /// When the number of values does not fit.
@@ -137,7 +147,8 @@ impl Trainer {
         self.sae.to_checkpoint(&self.config, metadata)
     }
 
-    /// What `sae` makes of frames, without training, and the mean squared error of each reconstruction.
+    /// What `sae` makes of frames, without training, and the mean squared error of each
+    /// reconstruction.
     ///
     /// # Errors
     /// When the number of values does not fit.

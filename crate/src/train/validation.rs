@@ -36,8 +36,9 @@ pub(super) struct Outcome {
 }
 
 impl<'a> Validation<'a> {
-    /// The snippets of `sequences`. With `drop_last` as many as fill whole batches, drawn once by the seed: the authors'
-    /// loader shuffles them in an order that stays the same from epoch to epoch.
+    /// The snippets of `sequences`. With `drop_last` as many as fill whole batches, drawn once by
+    /// the seed: the authors' loader shuffles them in an order that stays the same from epoch to
+    /// epoch.
     pub fn new(sequences: Vec<&'a Sequence>, config: &TrainConfig) -> Self {
         let mut snippets: Vec<(usize, usize)> = sequences
             .iter()
@@ -58,7 +59,8 @@ impl<'a> Validation<'a> {
         }
     }
 
-    /// Runs every frame once. A frame's loss counts once for each snippet it is in, as if they ran one by one.
+    /// Runs every frame once. A frame's loss counts once for each snippet it is in, as if they ran
+    /// one by one.
     pub fn run(&self, trainer: &Trainer, dataset: &Dataset, cancel: &Cancel) -> Result<Outcome> {
         let sae = trainer.valid();
         let keypoints = trainer.config().keypoints;
@@ -72,7 +74,8 @@ impl<'a> Validation<'a> {
                 .filter(|(owner, _)| *owner == s)
                 .map(|(_, start)| *start)
                 .collect();
-            let all: Vec<(&Sequence, usize)> = (0..sequence.len()).map(|t| (*sequence, t)).collect();
+            let all: Vec<(&Sequence, usize)> =
+                (0..sequence.len()).map(|t| (*sequence, t)).collect();
             let (mut points, mut losses) = (Vec::new(), Vec::new());
             for batch in all.chunks(BATCH) {
                 let (inputs, targets) = dataset.gather(batch)?;
@@ -81,7 +84,8 @@ impl<'a> Validation<'a> {
                 losses.extend(loss);
             }
             for &start in &starts {
-                reconstruction += losses[start..start + SNIPPET].iter().sum::<f64>() / SNIPPET as f64;
+                reconstruction +=
+                    losses[start..start + SNIPPET].iter().sum::<f64>() / SNIPPET as f64;
                 let [a, b, c] = [0, 1, 2].map(|t| &points[start + t]);
                 let change = c + a - 2.0 * b;
                 velocity += change.mapv(|v| v * v).mean().unwrap_or_default();
@@ -98,7 +102,11 @@ impl<'a> Validation<'a> {
             return Err(Error::numeric("there is no snippet to validate on"));
         }
         let count = self.snippets.len() as f64;
-        let losses = Losses::new(reconstruction / count, velocity / count, self.velocity_weight);
+        let losses = Losses::new(
+            reconstruction / count,
+            velocity / count,
+            self.velocity_weight,
+        );
 
         let objects: Vec<Object> = dataset
             .objects

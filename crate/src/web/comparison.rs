@@ -12,8 +12,8 @@ use super::{JsResult, js_error, to_js};
 use crate::error::Error;
 use crate::metric::default_threshold;
 use crate::report::{
-    Figure, Grouping, Run, RunFiles, Runs, RunsReport, Unread, data_sets, errors_csv, figures, runs_csv,
-    runs_markdown, runs_page,
+    Figure, Grouping, Run, RunFiles, Runs, RunsReport, Unread, data_sets, errors_csv, figures,
+    runs_csv, runs_markdown, runs_page,
 };
 
 /// Draws of the runs for the intervals, as `tracklens report` makes them.
@@ -63,10 +63,12 @@ impl Comparison {
         Self::default()
     }
 
-    /// Adds the folder of a run: `files` holds the bytes of `config`, `log`, `summary` and `error`, as far as they are there.
+    /// Adds the folder of a run: `files` holds the bytes of `config`, `log`, `summary` and `error`,
+    /// as far as they are there.
     ///
     /// # Errors
-    /// When `files` holds something else than bytes. A folder that cannot be read is none: it is counted.
+    /// When `files` holds something else than bytes. A folder that cannot be read is none: it is
+    /// counted.
     #[wasm_bindgen(js_name = addRun)]
     pub fn add_run(&mut self, name: &str, files: &Object) -> JsResult<()> {
         let bytes = |key: &str| -> JsResult<Option<Vec<u8>>> {
@@ -100,7 +102,8 @@ impl Comparison {
         Ok(())
     }
 
-    /// Adds a detector that was scored; without an architecture it is called what its name begins with.
+    /// Adds a detector that was scored; without an architecture it is called what its name begins
+    /// with.
     ///
     /// # Errors
     /// When `evaluation` is none.
@@ -189,12 +192,16 @@ fn differing(runs: &[Arc<Run>]) -> Vec<String> {
         return Vec::new();
     };
     let names = all.iter().flatten().map(|(name, _)| name.as_str());
-    let names: std::collections::BTreeSet<&str> = names.filter(|name| *name != "architecture").collect();
+    let names: std::collections::BTreeSet<&str> =
+        names.filter(|name| *name != "architecture").collect();
     let value = |settings: &[(String, String)], name: &str| {
         let found = settings.iter().find(|(key, _)| key == name);
         found.map(|(_, value)| value.clone())
     };
-    let differs = |name: &&str| all.iter().any(|other| value(other, name) != value(first, name));
+    let differs = |name: &&str| {
+        all.iter()
+            .any(|other| value(other, name) != value(first, name))
+    };
     // Only what every run has can name its group.
     let shared = |name: &&str| all.iter().all(|other| value(other, name).is_some());
     names

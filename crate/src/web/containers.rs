@@ -1,4 +1,5 @@
-//! Files that hold other files, in JavaScript: what lies where, so that a page reads no more than it needs.
+//! Files that hold other files, in JavaScript: what lies where, so that a page reads no more than
+//! it needs.
 
 use serde::Serialize;
 use wasm_bindgen::prelude::*;
@@ -126,8 +127,12 @@ impl Arrays {
         }
         let frames = || {
             // Points that are wrong do not keep the frames from being used.
-            let only = self.arrays.iter().filter(|a| NpyArray::holds_frames(&a.name));
-            let recording = Recording::from_arrays(only.cloned().collect(), &TableOptions::default())?;
+            let only = self
+                .arrays
+                .iter()
+                .filter(|a| NpyArray::holds_frames(&a.name));
+            let recording =
+                Recording::from_arrays(only.cloned().collect(), &TableOptions::default())?;
             let [width, height] = recording.image_size();
             let (start, length) = recording.frame_place(0).unwrap_or_default();
             let keys = recording.index().keys().iter();
@@ -175,7 +180,10 @@ impl Arrays {
     }
 
     fn points(&self) -> Vec<NpyArray> {
-        let points = self.arrays.iter().filter(|a| NpyArray::is_needed_whole(&a.name));
+        let points = self
+            .arrays
+            .iter()
+            .filter(|a| NpyArray::is_needed_whole(&a.name));
         points.cloned().collect()
     }
 }

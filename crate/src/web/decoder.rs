@@ -17,7 +17,8 @@ impl Decoder {
     /// # Errors
     /// As [`Checkpoint::from_bytes`], and when a tensor of the decoder is missing.
     pub fn open(bytes: &[u8], name: &str) -> JsResult<Option<Decoder>> {
-        let decoder = Checkpoint::from_bytes(bytes).and_then(|checkpoint| engine::Decoder::new(&checkpoint));
+        let decoder =
+            Checkpoint::from_bytes(bytes).and_then(|checkpoint| engine::Decoder::new(&checkpoint));
         Ok(decoder.map_err(|e| js_error(&e.at(name)))?.map(Decoder))
     }
 

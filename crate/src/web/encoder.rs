@@ -21,7 +21,8 @@ pub struct Encoder {
     metadata: BTreeMap<String, String>,
 }
 
-/// Bytes of memory that this instance of the extraction holds: weights, and what its largest frame took. It never shrinks.
+/// Bytes of memory that this instance of the extraction holds: weights, and what its largest frame
+/// took. It never shrinks.
 #[wasm_bindgen(js_name = extractionMemory)]
 pub fn extraction_memory() -> f64 {
     super::memory()
@@ -98,8 +99,11 @@ impl Encoder {
     #[wasm_bindgen(getter)]
     pub fn info(&self) -> JsResult<JsValue> {
         let config = self.extractor.encoder().config();
-        let json = serde_json::to_string(config)
-            .map_err(|e| js_error(&Error::input(format!("the configuration of the encoder: {e}"))))?;
+        let json = serde_json::to_string(config).map_err(|e| {
+            js_error(&Error::input(format!(
+                "the configuration of the encoder: {e}"
+            )))
+        })?;
         to_js(&EncoderInfo {
             architecture: config.name(),
             keypoints: config.keypoints,
@@ -116,8 +120,16 @@ impl Encoder {
     /// # Errors
     /// When the image cannot be decoded.
     pub fn extract(&mut self, image: &[u8], name: &str) -> JsResult<Extraction> {
-        let found = self.extractor.extract(image).map_err(|e| js_error(&e.at(name)))?;
-        let points = found.points.iter().flatten().map(|v| f64::from(*v)).collect();
+        let found = self
+            .extractor
+            .extract(image)
+            .map_err(|e| js_error(&e.at(name)))?;
+        let points = found
+            .points
+            .iter()
+            .flatten()
+            .map(|v| f64::from(*v))
+            .collect();
         Ok(Extraction {
             points,
             image_size: found.image_size,

@@ -33,7 +33,8 @@ fn theme_from_js(theme: JsValue) -> JsResult<Theme> {
     if theme.is_undefined() || theme.is_null() {
         return Ok(Theme::PRINT);
     }
-    serde_wasm_bindgen::from_value(theme).map_err(|e| js_error(&Error::input(format!("the theme: {e}"))))
+    serde_wasm_bindgen::from_value(theme)
+        .map_err(|e| js_error(&Error::input(format!("the theme: {e}"))))
 }
 
 /// The matrix of errors; see [`report::matrix`].
@@ -41,8 +42,16 @@ fn theme_from_js(theme: JsValue) -> JsResult<Theme> {
 /// # Errors
 /// When an argument is not understood.
 #[wasm_bindgen(js_name = matrixFigure)]
-pub fn matrix_figure(evaluation: JsValue, chosen: Vec<i32>, theme: JsValue, width: u32) -> JsResult<JsValue> {
-    let chosen: Vec<Option<usize>> = chosen.into_iter().map(|n| usize::try_from(n).ok()).collect();
+pub fn matrix_figure(
+    evaluation: JsValue,
+    chosen: Vec<i32>,
+    theme: JsValue,
+    width: u32,
+) -> JsResult<JsValue> {
+    let chosen: Vec<Option<usize>> = chosen
+        .into_iter()
+        .map(|n| usize::try_from(n).ok())
+        .collect();
     let evaluation = evaluation_from_js(evaluation)?;
     let drawn = report::matrix(&evaluation, &chosen, &theme_from_js(theme)?, width);
     to_js(&drawn.map_err(|e| js_error(&e))?)

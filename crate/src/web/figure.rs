@@ -9,7 +9,8 @@ use crate::error::Error;
 use crate::report::{self, LineFigure};
 
 fn figure_from_js(figure: JsValue) -> JsResult<LineFigure> {
-    serde_wasm_bindgen::from_value(figure).map_err(|e| js_error(&Error::input(format!("the figure: {e}"))))
+    serde_wasm_bindgen::from_value(figure)
+        .map_err(|e| js_error(&Error::input(format!("the figure: {e}"))))
 }
 
 /// Draws a figure over the whole of a canvas and says where its axes are, in canvas pixels.

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 use crate::extract::{DeviceExtractor, Extraction, Prepared};
 use crate::model::WebGpu;
 
-/// What a tensor of a batch may take, in bytes, where the GPU allows more: several of them are alive, and its memory may be
-/// the computer's.
+/// What a tensor of a batch may take, in bytes, where the GPU allows more: several of them are
+/// alive, and its memory may be the computer's.
 const TENSOR: u64 = 256 << 20;
 
 /// The GPU of the browser, open.
@@ -87,13 +87,14 @@ impl GpuEncoder {
         prepare().map_err(|e: Error| js_error(&e.at(name)))
     }
 
-    /// The keypoints of frames that are given away, in their order: objects with `points` (N x 2, latent space), `width` and
-    /// `height`, and an `Error` in the place of a frame that has none.
+    /// The keypoints of frames that are given away, in their order: objects with `points` (N x 2,
+    /// latent space), `width` and `height`, and an `Error` in the place of a frame that has none.
     ///
     /// # Errors
     /// When the GPU fails, now or before: what it computed may be stale.
     pub async fn extract(&self, frames: Vec<GpuFrame>) -> JsResult<Array> {
-        let (names, prepared): (Vec<_>, Vec<_>) = frames.into_iter().map(|f| (f.name, f.prepared)).unzip();
+        let (names, prepared): (Vec<_>, Vec<_>) =
+            frames.into_iter().map(|f| (f.name, f.prepared)).unzip();
         let found = self.extractor.run_async(&prepared).await;
         self.gpu.check().map_err(|e| js_error(&e))?;
         let found = found.map_err(|e| js_error(&e))?;

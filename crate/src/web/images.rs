@@ -5,13 +5,15 @@ use wasm_bindgen::prelude::*;
 use super::{JsResult, js_error};
 use crate::data::Frame;
 
-/// Bytes of memory that this instance of the part holds: what its largest image took. It never shrinks.
+/// Bytes of memory that this instance of the part holds: what its largest image took. It never
+/// shrinks.
 #[wasm_bindgen(js_name = decodingMemory)]
 pub fn decoding_memory() -> f64 {
     super::memory()
 }
 
-/// Decodes a PNG, JPEG or WebP image to a numpy array (`.npy`), which all that takes an image takes as well.
+/// Decodes a PNG, JPEG or WebP image to a numpy array (`.npy`), which all that takes an image takes
+/// as well.
 ///
 /// # Errors
 /// When the image cannot be decoded.

@@ -1,8 +1,9 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
-//! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed: scoring first, extraction
-//! in the workers, images with the first JPEG or WebP image, figures once there is something to draw, comparison with the
-//! first runs, extraction on the GPU where there is one. Objects of one part mean nothing to another one.
+//! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
+//! scoring first, extraction in the workers, images with the first JPEG or WebP image, figures once
+//! there is something to draw, comparison with the first runs, extraction on the GPU where there is
+//! one. Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-comparison")]
 mod comparison;

@@ -8,7 +8,11 @@ use super::{JsResult, js_error};
 use crate::error::Error;
 
 /// An options object with no other than the given `keys`; undefined and null mean all defaults.
-pub fn from_js<T: DeserializeOwned + Default>(value: JsValue, what: &str, keys: &[&str]) -> JsResult<T> {
+pub fn from_js<T: DeserializeOwned + Default>(
+    value: JsValue,
+    what: &str,
+    keys: &[&str],
+) -> JsResult<T> {
     if value.is_undefined() || value.is_null() {
         return Ok(T::default());
     }
@@ -25,5 +29,6 @@ pub fn from_js<T: DeserializeOwned + Default>(value: JsValue, what: &str, keys: 
             ))));
         }
     }
-    serde_wasm_bindgen::from_value(value).map_err(|e| js_error(&Error::input(format!("{what}: {e}"))))
+    serde_wasm_bindgen::from_value(value)
+        .map_err(|e| js_error(&Error::input(format!("{what}: {e}"))))
 }

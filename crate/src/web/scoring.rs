@@ -141,7 +141,10 @@ impl Scoring {
         keypoints: &KeypointTable,
         on_non_finite: Option<String>,
     ) -> JsResult<Scoring> {
-        let policy = on_non_finite.as_deref().map(str::parse::<NonFinite>).transpose();
+        let policy = on_non_finite
+            .as_deref()
+            .map(str::parse::<NonFinite>)
+            .transpose();
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
         let scoring = scoring::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
@@ -186,7 +189,11 @@ impl Scoring {
     /// The frame number of every joined frame.
     #[wasm_bindgen(getter, js_name = frameNumbers)]
     pub fn frame_numbers(&self) -> Vec<f64> {
-        self.scoring.keys().iter().map(|key| key.frame as f64).collect()
+        self.scoring
+            .keys()
+            .iter()
+            .map(|key| key.frame as f64)
+            .collect()
     }
 
     /// For each joined frame the position of its image in `frames`, or -1.
@@ -231,9 +238,9 @@ impl Scoring {
     /// When an option is not understood.
     pub fn bootstrap(&self, options: JsValue) -> JsResult<Bootstrap> {
         let request = ScoreOptions::request(options, "bootstrap")?;
-        let started = self
-            .scoring
-            .start_bootstrap(request.seed, &request.thresholds, &request.settings);
+        let started =
+            self.scoring
+                .start_bootstrap(request.seed, &request.thresholds, &request.settings);
         let (bootstrap, sequences) = started.map_err(|e| js_error(&e))?;
         Ok(Bootstrap {
             bootstrap,
@@ -248,7 +255,12 @@ impl Scoring {
     /// # Errors
     /// When there is no such object or keypoint.
     #[wasm_bindgen(js_name = sequenceErrors)]
-    pub fn sequence_errors(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
+    pub fn sequence_errors(
+        &self,
+        object: usize,
+        keypoint: usize,
+        options: JsValue,
+    ) -> JsResult<JsValue> {
         let settings = ScoreOptions::request(options, "sequenceErrors")?.settings;
         let errors = self.scoring.sequence_errors(object, keypoint, &settings);
         let errors: Vec<SequenceError> = errors
@@ -272,7 +284,12 @@ impl Scoring {
     ///
     /// # Errors
     /// When there is no such object or keypoint.
-    pub fn distances(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<Vec<f64>> {
+    pub fn distances(
+        &self,
+        object: usize,
+        keypoint: usize,
+        options: JsValue,
+    ) -> JsResult<Vec<f64>> {
         let settings = ScoreOptions::request(options, "distances")?.settings;
         let distances = self.scoring.distances(object, keypoint, &settings);
         distances.map_err(|e| js_error(&e))
@@ -293,7 +310,9 @@ impl Scoring {
             frames: inputs.frames,
             options: inputs.options,
         };
-        request.command(&inputs, self.policy).map_err(|e| js_error(&e))
+        request
+            .command(&inputs, self.policy)
+            .map_err(|e| js_error(&e))
     }
 
     /// The keypoints of a joined frame, N x 2.

@@ -23,7 +23,11 @@ struct JsTableOptions {
 pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
     let keys = ["space", "axisOrder", "indexBase", "imageSize"];
     let options: JsTableOptions = from_js(value, &format!("the options of {call}"), &keys)?;
-    let space = options.space.as_deref().map(str::parse::<Space>).transpose();
+    let space = options
+        .space
+        .as_deref()
+        .map(str::parse::<Space>)
+        .transpose();
     let axes = options
         .axis_order
         .as_deref()

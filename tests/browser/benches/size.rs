@@ -1,5 +1,6 @@
-//! The page with 10,000 frames of 256 px, as a folder and as a ZIP archive: how long it takes to read, join and extract
-//! them, how large the tab gets, and how fast frames can be scrubbed. `cargo xtask bench size` builds what this needs.
+//! The page with 10,000 frames of 256 px, as a folder and as a ZIP archive: how long it takes to
+//! read, join and extract them, how large the tab gets, and how fast frames can be scrubbed. `cargo
+//! xtask bench size` builds what this needs.
 
 use std::fs;
 use std::io::Write as _;
@@ -77,7 +78,10 @@ fn make_frames(folder: &Path) {
     for sequence in sorted(&example("frames")) {
         // The table has the number alone.
         let name = sequence.file_name().expect("a name").to_string_lossy();
-        let name = name.trim_start_matches("seq_").trim_start_matches('0').to_owned();
+        let name = name
+            .trim_start_matches("seq_")
+            .trim_start_matches('0')
+            .to_owned();
         let images = sorted(&sequence);
         sources.extend(
             images
@@ -110,7 +114,11 @@ fn make_archive(frames: &Path, archive: &Path) {
     let mut zip = ZipWriter::new(fs::File::create(archive).expect("a file"));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
     for path in sorted(frames) {
-        let files = if path.is_dir() { sorted(&path) } else { vec![path] };
+        let files = if path.is_dir() {
+            sorted(&path)
+        } else {
+            vec![path]
+        };
         for file in files {
             let name = file
                 .strip_prefix(frames)
@@ -118,7 +126,8 @@ fn make_archive(frames: &Path, archive: &Path) {
                 .to_string_lossy()
                 .into_owned();
             zip.start_file(name, options).expect("an entry");
-            zip.write_all(&fs::read(&file).expect("a file")).expect("written");
+            zip.write_all(&fs::read(&file).expect("a file"))
+                .expect("written");
         }
     }
     zip.finish().expect("an archive");
@@ -152,7 +161,8 @@ async fn scrub(page: &Page) -> f64 {
     page.number("globalThis.__fps").await
 }
 
-/// A field of the status of the largest renderer of the page's browser, in MB. The workers live in it, too.
+/// A field of the status of the largest renderer of the page's browser, in MB. The workers live in
+/// it, too.
 fn megabytes(page: &Page, field: &str) -> f64 {
     let profile = page.profile().to_string_lossy().into_owned();
     let mut largest: f64 = 0.0;

@@ -43,7 +43,9 @@ impl Browser {
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
-            .unwrap_or_else(|e| panic!("{self:?}: {e}; `cargo xtask setup --browsers` installs its driver"));
+            .unwrap_or_else(|e| {
+                panic!("{self:?}: {e}; `cargo xtask setup --browsers` installs its driver")
+            });
         let capabilities = self.capabilities(&profile, arguments);
         let url = format!("http://127.0.0.1:{port}");
         let start = Instant::now();
@@ -64,7 +66,8 @@ impl Browser {
         }
     }
 
-    /// Keeps the profile of the browser in the folder of ours, where Chromium's is by its own argument.
+    /// Keeps the profile of the browser in the folder of ours, where Chromium's is by its own
+    /// argument.
     fn profile_arguments(self, profile: &tempfile::TempDir) -> Option<String> {
         match self {
             Self::Chromium => None,
@@ -131,7 +134,8 @@ impl Browser {
 impl Drop for Session {
     fn drop(&mut self) {
         stop(&mut self.process);
-        // A driver that is killed leaves its browser running, which the profile on its command line gives away.
+        // A driver that is killed leaves its browser running, which the profile on its command line
+        // gives away.
         #[cfg(unix)]
         let _ = Command::new("pkill")
             .args(["-KILL", "-f", "--"])

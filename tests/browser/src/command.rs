@@ -25,7 +25,9 @@ pub fn tracklens(arguments: &[&str]) -> Vec<u8> {
 
 pub(crate) fn from_environment(name: &str) -> PathBuf {
     let Some(path) = std::env::var_os(name) else {
-        panic!("{name} is not set; run `cargo xtask test`, which builds the site and the binary first");
+        panic!(
+            "{name} is not set; run `cargo xtask test`, which builds the site and the binary first"
+        );
     };
     PathBuf::from(path)
 }
@@ -85,7 +87,8 @@ pub fn tracklens_json(arguments: &[&str]) -> Value {
     parsed(&tracklens(&[arguments, &["--json"]].concat()))
 }
 
-/// Writes the keypoints that `tracklens extract` finds in frames with the example's checkpoint, and returns the table.
+/// Writes the keypoints that `tracklens extract` finds in frames with the example's checkpoint, and
+/// returns the table.
 pub fn extract_keypoints(frames: &Path, out: &Path) -> String {
     let [checkpoint, ..] = example_inputs();
     let [checkpoint, frames, file] = [&checkpoint, frames, out].map(text);
@@ -122,7 +125,12 @@ pub fn same_keypoints(ours: &str, theirs: &str, tolerance: f64) {
 fn points(table: &str) -> Vec<(String, [f64; 2])> {
     let row = |line: &str| {
         let mut fields = line.rsplitn(3, ',');
-        let mut number = || fields.next().and_then(|f| f.parse().ok()).expect("a number");
+        let mut number = || {
+            fields
+                .next()
+                .and_then(|f| f.parse().ok())
+                .expect("a number")
+        };
         let (y, x) = (number(), number());
         (fields.next().expect("a key").to_owned(), [x, y])
     };

@@ -1,4 +1,5 @@
-//! The page in real browsers, driven through its own controls. The tests are in `tests/`; here is what they share.
+//! The page in real browsers, driven through its own controls. The tests are in `tests/`; here is
+//! what they share.
 
 mod browser;
 mod command;
@@ -7,8 +8,8 @@ mod server;
 
 pub use browser::Browser;
 pub use command::{
-    copy_folder, eval, eval_example, example_inputs, extract_keypoints, parsed, same_keypoints, text,
-    tracklens, tracklens_json,
+    copy_folder, eval, eval_example, example_inputs, extract_keypoints, parsed, same_keypoints,
+    text, tracklens, tracklens_json,
 };
 pub use page::{Page, example, site};
 pub use server::Server;

@@ -52,7 +52,13 @@ impl Page {
 
     /// Opens the page in Chromium after a script that changes what it finds in its browser.
     pub async fn open_with(script: &str) -> Self {
-        let page = Self::start(Browser::Chromium, &[], Server::start(site(), &[]).await, script).await;
+        let page = Self::start(
+            Browser::Chromium,
+            &[],
+            Server::start(site(), &[]).await,
+            script,
+        )
+        .await;
         page.goto("/").await;
         page.until("!document.querySelector('#try-example').disabled")
             .await;
@@ -76,8 +82,14 @@ impl Page {
         page
     }
 
-    /// Opens the page on a server in Chromium, with more arguments on its command line and after a script.
-    pub async fn open_prepared(arguments: &[&str], server: Server, path: &str, script: &str) -> Self {
+    /// Opens the page on a server in Chromium, with more arguments on its command line and after a
+    /// script.
+    pub async fn open_prepared(
+        arguments: &[&str],
+        server: Server,
+        path: &str,
+        script: &str,
+    ) -> Self {
         let page = Self::start(Browser::Chromium, arguments, server, script).await;
         page.goto(path).await;
         page.until("!document.querySelector('#try-example').disabled")
@@ -95,7 +107,8 @@ impl Page {
         };
         if browser == Browser::Chromium {
             let source = json!({ "source": format!("{WATCH}\n{script}") });
-            page.cdp("Page.addScriptToEvaluateOnNewDocument", source).await;
+            page.cdp("Page.addScriptToEvaluateOnNewDocument", source)
+                .await;
         }
         page
     }
@@ -135,7 +148,8 @@ impl Page {
             .unwrap_or_else(|| panic!("{expression} is {value}"))
     }
 
-    /// Waits until an expression, or what it promises, is true. While the page goes elsewhere it is not.
+    /// Waits until an expression, or what it promises, is true. While the page goes elsewhere it is
+    /// not.
     pub async fn until(&self, expression: &str) {
         let start = Instant::now();
         let script = format!("return Promise.resolve({expression}).then(Boolean);");
@@ -149,7 +163,9 @@ impl Page {
             }
             if start.elapsed() > PATIENCE {
                 let error = found.err();
-                let shown = self.value("document.querySelector('main')?.innerText").await;
+                let shown = self
+                    .value("document.querySelector('main')?.innerText")
+                    .await;
                 let complaints = self.value("globalThis.__complaints").await;
                 let shown = shown.as_str().unwrap_or_default();
                 panic!(
@@ -176,7 +192,11 @@ impl Page {
             Value::from(selector)
         ))
         .await;
-        let element = self.driver.find(By::Css(selector)).await.expect("an element");
+        let element = self
+            .driver
+            .find(By::Css(selector))
+            .await
+            .expect("an element");
         element.scroll_into_view().await.expect("in view");
         element
             .click()
@@ -186,7 +206,10 @@ impl Page {
 
     /// Picks files in the page's own input.
     pub async fn pick(&self, files: &[&Path]) {
-        let paths: Vec<String> = files.iter().map(|f| f.to_string_lossy().into_owned()).collect();
+        let paths: Vec<String> = files
+            .iter()
+            .map(|f| f.to_string_lossy().into_owned())
+            .collect();
         self.input("#input-files", &paths.join("\n")).await;
     }
 
@@ -223,7 +246,8 @@ impl Page {
         saved.as_str().expect("a table").to_owned()
     }
 
-    /// Nothing went wrong behind the scenes, and nothing was asked of anyone but the page's own server.
+    /// Nothing went wrong behind the scenes, and nothing was asked of anyone but the page's own
+    /// server.
     pub async fn close(self) {
         let complaints = self.value("globalThis.__complaints").await;
         assert_eq!(complaints, json!([]));

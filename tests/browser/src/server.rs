@@ -14,7 +14,8 @@ use axum::routing::get;
 use sha2::{Digest, Sha256};
 use tower_http::services::ServeDir;
 
-/// What the page may not do unnoticed: errors, rejected promises, console errors, violations of its policy.
+/// What the page may not do unnoticed: errors, rejected promises, console errors, violations of its
+/// policy.
 pub(crate) const WATCH: &str = r#"
   globalThis.__complaints = [];
   const complain = (text) => globalThis.__complaints.push(String(text));
@@ -43,17 +44,20 @@ impl Server {
         Self::listen(all).await
     }
 
-    /// Serves the page with [`WATCH`] in it, for browsers whose driver cannot run it before the page.
+    /// Serves the page with [`WATCH`] in it, for browsers whose driver cannot run it before the
+    /// page.
     pub(crate) async fn watched(site: PathBuf) -> Self {
-        let read = |name: &str| std::fs::read_to_string(site.join(name)).expect("a file of the site");
+        let read =
+            |name: &str| std::fs::read_to_string(site.join(name)).expect("a file of the site");
         let page = read("index.html");
         let watched = page.replacen("<title>", "<script src=\"/watch.js\"></script><title>", 1);
         // The copy of the page that the browser keeps is watched, too, and known by its hash.
         let hash = |text: &str| format!("{:x}", Sha256::digest(text));
         let worker = read("service-worker.js").replace(&hash(&page), &hash(&watched));
         let html = move || async move { ([(CONTENT_TYPE, "text/html")], watched).into_response() };
-        let script =
-            |text: String| move || async move { ([(CONTENT_TYPE, "text/javascript")], text).into_response() };
+        let script = |text: String| {
+            move || async move { ([(CONTENT_TYPE, "text/javascript")], text).into_response() }
+        };
         let router = Router::new()
             .route("/", get(html.clone()))
             .route("/index.html", get(html))

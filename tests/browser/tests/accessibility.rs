@@ -21,10 +21,17 @@ async fn barriers(page: &Page) -> Vec<String> {
     let axe = std::env::var_os("TRACKLENS_AXE").map(PathBuf::from);
     let axe = axe.expect("TRACKLENS_AXE is the path of axe.min.js; `cargo xtask test` sets it");
     let axe = fs::read_to_string(axe).expect("axe");
-    page.driver.execute(axe, vec![]).await.expect("axe is there");
+    page.driver
+        .execute(axe, vec![])
+        .await
+        .expect("axe is there");
     let run = "const done = arguments[arguments.length - 1]; \
                axe.run(document, { resultTypes: ['violations'] }).then((r) => done(r.violations), (e) => done(String(e)));";
-    let found = page.driver.execute_async(run, vec![]).await.expect("axe runs");
+    let found = page
+        .driver
+        .execute_async(run, vec![])
+        .await
+        .expect("axe runs");
     let violations = found
         .json()
         .as_array()
@@ -63,7 +70,14 @@ async fn has_no_barrier(page: &Page, state: &str) {
 
 /// Writes an evaluation of the example with everything there is.
 fn save(file: &Path) {
-    let printed = eval_example(&["--sequences", "--context", "--folds", "4", "--bootstrap", "50"]);
+    let printed = eval_example(&[
+        "--sequences",
+        "--context",
+        "--folds",
+        "4",
+        "--bootstrap",
+        "50",
+    ]);
     fs::write(file, printed).expect("written");
 }
 
@@ -80,10 +94,14 @@ fn pack(folder: &Path, archive: &Path) {
             );
             continue;
         }
-        let name = path.strip_prefix(folder).expect("a file in it").to_string_lossy();
+        let name = path
+            .strip_prefix(folder)
+            .expect("a file in it")
+            .to_string_lossy();
         zip.start_file(name, SimpleFileOptions::default())
             .expect("an entry");
-        zip.write_all(&fs::read(&path).expect("a file")).expect("written");
+        zip.write_all(&fs::read(&path).expect("a file"))
+            .expect("written");
     }
     zip.finish().expect("an archive");
 }
@@ -129,8 +147,12 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     fs::write(&broken, "sequence,frame,object,x,z\na,0,cube,0,0\n").expect("written");
     let unknown = folder.path().join("notes.pdf");
     fs::write(&unknown, "no table").expect("written");
-    page.pick(&[&broken, &unknown, &site().join("example/checkpoint.safetensors")])
-        .await;
+    page.pick(&[
+        &broken,
+        &unknown,
+        &site().join("example/checkpoint.safetensors"),
+    ])
+    .await;
     page.until_text("column y missing").await;
     check("errors").await;
 
@@ -222,7 +244,8 @@ async fn what_is_wider_than_a_phone_shows_that_it_goes_on() {
     ))
     .await;
     assert_ne!(
-        page.value(&format!("getComputedStyle({matrix}).maskImage")).await,
+        page.value(&format!("getComputedStyle({matrix}).maskImage"))
+            .await,
         "none"
     );
     page.value(&format!("{matrix}.focus()")).await;

@@ -1,4 +1,5 @@
-//! Runs side by side in the page, against `tracklens report` and `tracklens score` on the same files.
+//! Runs side by side in the page, against `tracklens report` and `tracklens score` on the same
+//! files.
 
 #[path = "../../shared/runs.rs"]
 mod runs;
@@ -38,8 +39,10 @@ async fn rows(page: &Page, table: &str) -> Vec<Vec<String>> {
 /// What the page saved under a name.
 async fn saved(page: &Page, name: &str) -> String {
     page.until(&format!("globalThis.__saved['{name}']")).await;
-    let read = format!("(globalThis.__saved['{name}'].text().then((t) => globalThis.__text = t), true)");
-    page.value(&format!("(globalThis.__text = null, {read})")).await;
+    let read =
+        format!("(globalThis.__saved['{name}'].text().then((t) => globalThis.__text = t), true)");
+    page.value(&format!("(globalThis.__text = null, {read})"))
+        .await;
     page.until("globalThis.__text !== null").await;
     page.value("globalThis.__text")
         .await
@@ -88,16 +91,22 @@ async fn folders_of_runs_compare_as_in_the_terminal() {
     write_run(&damaged, "dsae", 0, 4);
     fs::write(damaged.join("config.json"), "{").expect("written");
     // What else lies in the folder of a run is none of the page's checkpoints.
-    fs::write(runs.join("basic/seed-01/checkpoint_final.safetensors"), "weights").expect("written");
+    fs::write(
+        runs.join("basic/seed-01/checkpoint_final.safetensors"),
+        "weights",
+    )
+    .expect("written");
     tracklens(&["report", &text(&runs), "--out", &text(&out)]);
     let report: Value =
-        serde_json::from_slice(&fs::read(out.join("report.json")).expect("a report")).expect("JSON");
+        serde_json::from_slice(&fs::read(out.join("report.json")).expect("a report"))
+            .expect("JSON");
 
     let page = Page::open_with(KEEP).await;
     page.pick_folder(&runs).await;
     until_compared(&page, 9).await;
     assert_eq!(
-        page.value("document.querySelectorAll('#files > *').length").await,
+        page.value("document.querySelectorAll('#files > *').length")
+            .await,
         json!(0)
     );
     let dropped = page
@@ -113,11 +122,17 @@ async fn folders_of_runs_compare_as_in_the_terminal() {
         assert!(dropped.contains(said), "{said} in {dropped}");
     }
     let shown = rows(&page, "capability-table").await;
-    for (row, group) in shown.iter().zip(report["groups"].as_array().expect("groups")) {
+    for (row, group) in shown
+        .iter()
+        .zip(report["groups"].as_array().expect("groups"))
+    {
         assert_eq!(row[0], group["name"].as_str().expect("a name"));
         let number = |value: &Value| value.as_f64().expect("a number");
         let [low, high] = [0, 1].map(|end| number(&group["tc_interval"][end]));
-        assert_eq!(row[2], format!("{:.3} {low:.3}–{high:.3}", number(&group["tc"])));
+        assert_eq!(
+            row[2],
+            format!("{:.3} {low:.3}–{high:.3}", number(&group["tc"]))
+        );
     }
     assert_eq!(shown.len(), 2);
 
@@ -150,7 +165,8 @@ async fn folders_of_runs_compare_as_in_the_terminal() {
     );
 
     page.click("#remove-runs").await;
-    page.until("document.querySelector('#comparison').hidden").await;
+    page.until("document.querySelector('#comparison').hidden")
+        .await;
     page.close().await;
 }
 
@@ -167,7 +183,10 @@ async fn runs_are_sorted_and_grouped_and_kept_apart_by_data() {
     until_compared(&page, 4).await;
     let groups = || async {
         let shown = rows(&page, "capability-table").await;
-        shown.into_iter().map(|row| row[0].clone()).collect::<Vec<_>>()
+        shown
+            .into_iter()
+            .map(|row| row[0].clone())
+            .collect::<Vec<_>>()
     };
     assert_eq!(groups().await, ["basic (epochs 4)", "basic (epochs 6)"]);
     for (by, expected) in [
@@ -248,9 +267,13 @@ async fn runs_in_an_archive_come_and_go_with_it() {
         .into_iter()
         .map(|row| row[0].clone())
         .collect();
-    assert_eq!(names, [0, 1, 2].map(|seed| format!("runs.zip/basic/seed-{seed}")));
+    assert_eq!(
+        names,
+        [0, 1, 2].map(|seed| format!("runs.zip/basic/seed-{seed}"))
+    );
     page.click("#files [data-role=archive] .icon-button").await;
-    page.until("document.querySelector('#comparison').hidden").await;
+    page.until("document.querySelector('#comparison').hidden")
+        .await;
     page.close().await;
 }
 
@@ -261,13 +284,16 @@ async fn two_keypoint_tables_are_compared_by_their_errors() {
     let [ours, still] = ["ours.csv", "still.csv"].map(|name| folder.path().join(name));
     let table = extract_keypoints(&example("frames"), &ours);
     let stay = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
-        [sequence, frame, n, ..] if n != "keypoint" => format!("{sequence},{frame},{n},0.1,0.{n}\n"),
+        [sequence, frame, n, ..] if n != "keypoint" => {
+            format!("{sequence},{frame},{n},0.1,0.{n}\n")
+        }
         _ => format!("{line}\n"),
     };
     fs::write(&still, table.lines().map(stay).collect::<String>()).expect("written");
 
     let page = Page::open().await;
-    page.pick(&[&example("ground_truth.csv"), &ours, &still]).await;
+    page.pick(&[&example("ground_truth.csv"), &ours, &still])
+        .await;
     until_compared(&page, 2).await;
     // What is said of the tables is what is done with them.
     page.until(
@@ -276,8 +302,10 @@ async fn two_keypoint_tables_are_compared_by_their_errors() {
     )
     .await;
     assert_eq!(
-        page.value("document.querySelector('#files [data-path=\"still.csv\"] .file-role').textContent")
-            .await,
+        page.value(
+            "document.querySelector('#files [data-path=\"still.csv\"] .file-role').textContent"
+        )
+        .await,
         "Keypoints, compared"
     );
 
@@ -338,7 +366,9 @@ async fn several_keypoint_tables_are_runs_of_one_comparison() {
     )
     .expect("written");
     let still = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
-        [sequence, frame, n, ..] if n != "keypoint" => format!("{sequence},{frame},{n},0.1,0.{n}\n"),
+        [sequence, frame, n, ..] if n != "keypoint" => {
+            format!("{sequence},{frame},{n},0.1,0.{n}\n")
+        }
         _ => format!("{line}\n"),
     };
     fs::write(&third, table.lines().map(still).collect::<String>()).expect("written");
@@ -357,11 +387,19 @@ async fn several_keypoint_tables_are_runs_of_one_comparison() {
             format!("{:.2}", scored["tc"].as_f64().expect("a number")),
             "{name}"
         );
-        for (k, object) in scored["objects"].as_array().expect("objects").iter().enumerate() {
+        for (k, object) in scored["objects"]
+            .as_array()
+            .expect("objects")
+            .iter()
+            .enumerate()
+        {
             let error = object["error"].as_f64().expect("a number");
             let found: f64 = row[6 + k].parse().expect("a number");
             // Three digits are shown.
-            assert!((found - error).abs() <= 0.005 * error, "{name}: {found} {error}");
+            assert!(
+                (found - error).abs() <= 0.005 * error,
+                "{name}: {found} {error}"
+            );
         }
     }
     // By what their names begin with.

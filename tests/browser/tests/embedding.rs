@@ -48,7 +48,11 @@ async fn a_page_of_somebody_else_scores_a_folder_with_the_package() {
 async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
     // A site of somebody else, on an origin of its own.
     let folder = tempfile::tempdir().expect("a folder");
-    fs::copy(documents().join("frame.html"), folder.path().join("frame.html")).expect("copied");
+    fs::copy(
+        documents().join("frame.html"),
+        folder.path().join("frame.html"),
+    )
+    .expect("copied");
     let mut truth = String::from("sequence,frame,object,x,y\n");
     let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
     for t in 0..40 {
@@ -141,9 +145,11 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
     page.driver.enter_default_frame().await.expect("the page");
     let files = json!([{ "path": "ground_truth.csv", "data": "sequence,frame,object,x,y\na,0,cube,0,0\n" }]);
     let open = json!({ "tracklens": 1, "type": "open", "files": files });
-    page.value(&send("document.querySelector('#other')", open)).await;
+    page.value(&send("document.querySelector('#other')", open))
+        .await;
 
-    // The one that does listen has an answer to a later message by the time the other would have had one to its own.
+    // The one that does listen has an answer to a later message by the time the other would have
+    // had one to its own.
     page.value(&send(frame, json!({ "tracklens": 1, "type": "nonsense" })))
         .await;
     page.until("document.querySelector('output').value.includes('nonsense')")
@@ -151,7 +157,8 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
     assert_eq!(page.value("window.__heard").await, json!([]));
     other.clone().enter_frame().await.expect("the frame");
     assert_eq!(
-        page.value("document.querySelector('main').dataset.state").await,
+        page.value("document.querySelector('main').dataset.state")
+            .await,
         "empty"
     );
     page.driver.enter_default_frame().await.expect("the page");

@@ -1,4 +1,5 @@
-//! Extraction on WebGPU in headless Chromium, on SwiftShader (Vulkan on the CPU), against the `tracklens` command.
+//! Extraction on WebGPU in headless Chromium, on SwiftShader (Vulkan on the CPU), against the
+//! `tracklens` command.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,8 @@ const SOFTWARE: [&str; 3] = [
 /// The page takes a program that acts as a GPU for one.
 const ALLOWED: &str = "/?gpu=software";
 
-/// Other kernels add up in another order: the page uses a GPU that agrees with the CPU to 1e-3, and this one is far closer.
+/// Other kernels add up in another order: the page uses a GPU that agrees with the CPU to 1e-3, and
+/// this one is far closer.
 const KEYPOINTS: f64 = 1e-4;
 
 /// Whether the site can extract on a GPU. Without it a test says that it is skipped.
@@ -66,8 +68,11 @@ async fn open(path: &str, arguments: &[&str], script: &str) -> Page {
 
 /// Takes the files and extracts on the device chosen.
 async fn extract(page: &Page, device: &str, folder: &Path) {
-    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
-        .await;
+    page.pick(&[
+        &example("checkpoint.safetensors"),
+        &example("ground_truth.csv"),
+    ])
+    .await;
     page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')")
         .await;
     page.value(&format!(
@@ -88,7 +93,9 @@ fn hook(script: &str) -> String {
 
 async fn device(page: &Page, field: &str) -> String {
     let value = page
-        .value(&format!("document.querySelector('#devices').dataset.{field}"))
+        .value(&format!(
+            "document.querySelector('#devices').dataset.{field}"
+        ))
         .await;
     value.as_str().unwrap_or_default().to_owned()
 }
@@ -106,7 +113,8 @@ async fn the_gpu_finds_the_keypoints_of_the_cpu() {
         return;
     }
     let page = open(ALLOWED, &SOFTWARE, "").await;
-    // A batch and a part of one, and a frame that the GPU leaves to the CPU, which says what is wrong with it.
+    // A batch and a part of one, and a frame that the GPU leaves to the CPU, which says what is
+    // wrong with it.
     let folder = frames(2, 1);
     let broken = folder.path().join("seq_0004").join("frame_003.png");
     let bytes = fs::read(&broken).expect("a frame");
@@ -187,10 +195,13 @@ async fn the_faster_device_is_chosen_by_their_times_and_both_are_told() {
     // Many seconds of work, of which the test sees the beginning.
     let folder = frames(usize::MAX, 40);
     extract(&page, "automatic", folder.path()).await;
-    // Several sequences have a number, so nothing is joined, and the extraction waits to be asked for.
+    // Several sequences have a number, so nothing is joined, and the extraction waits to be asked
+    // for.
     page.click("#extract").await;
-    page.until("document.querySelector('#devices').dataset.reason.includes('ms a frame on the GPU')")
-        .await;
+    page.until(
+        "document.querySelector('#devices').dataset.reason.includes('ms a frame on the GPU')",
+    )
+    .await;
     let reason = device(&page, "reason").await;
     println!("{reason}");
     let times: Vec<f64> = reason
@@ -249,7 +260,8 @@ async fn the_choice_is_kept() {
     page.driver.refresh().await.expect("reloaded");
     page.until("document.querySelector('#device-choice')").await;
     assert_eq!(
-        page.value("document.querySelector('#device-choice').value").await,
+        page.value("document.querySelector('#device-choice').value")
+            .await,
         Value::from("cpu")
     );
     page.close().await;

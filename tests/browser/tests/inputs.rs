@@ -1,4 +1,5 @@
-//! What can be dropped on the page, and what can be corrected then; against the `tracklens` command on the same files.
+//! What can be dropped on the page, and what can be corrected then; against the `tracklens` command
+//! on the same files.
 
 use std::fs;
 use std::io::{Cursor, Write as _};
@@ -6,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use tracklens_page_tests::{
-    Browser, Page, eval, eval_example, example, extract_keypoints, in_every_browser, parsed, text, tracklens,
-    tracklens_json,
+    Browser, Page, eval, eval_example, example, extract_keypoints, in_every_browser, parsed, text,
+    tracklens, tracklens_json,
 };
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
@@ -16,7 +17,8 @@ in_every_browser! {
     pixels_without_frames_ask_for_the_size_of_the_images
 }
 
-/// Relative, of errors: f32 convolutions differ in the last digits between native and WebAssembly kernels.
+/// Relative, of errors: f32 convolutions differ in the last digits between native and WebAssembly
+/// kernels.
 const ERRORS: f64 = 1e-6;
 
 /// Frames, ground truth and checkpoint of the example.
@@ -55,7 +57,10 @@ fn files_of(folder: &Path, prefix: &str) -> Files {
         .collect();
     entries.sort();
     for path in entries {
-        let name = format!("{prefix}{}", path.file_name().expect("a name").to_string_lossy());
+        let name = format!(
+            "{prefix}{}",
+            path.file_name().expect("a name").to_string_lossy()
+        );
         match path.is_dir() {
             true => files.extend(files_of(&path, &format!("{name}/"))),
             false => files.push((name, fs::read(&path).expect("a file"))),
@@ -126,8 +131,8 @@ async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) 
         truth += &format!("a,{t},cube,{},{}\n", 160.0 + 100.0 * s, 100.0 + 60.0 * c);
         keypoints += &format!("a,{t},0,{},{}\n", 0.5 * c + 0.05 * s * s, -0.4 * s);
     }
-    let [truth, keypoints] =
-        [("gt.csv", truth), ("kp.csv", keypoints)].map(|(name, table)| folder.put(name, table.as_bytes()));
+    let [truth, keypoints] = [("gt.csv", truth), ("kp.csv", keypoints)]
+        .map(|(name, table)| folder.put(name, table.as_bytes()));
     let page = Page::open_in(browser).await;
     page.pick(&[&truth, &keypoints]).await;
     page.until_scored().await;
@@ -139,7 +144,10 @@ async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) 
     // The way to the field from there.
     page.click("#problems [data-problem='broken gt.csv'] button.link")
         .await;
-    assert_eq!(page.value("document.activeElement.name").await, "image-width");
+    assert_eq!(
+        page.value("document.activeElement.name").await,
+        "image-width"
+    );
 
     enter_size(&page, ["320", "0"]).await;
     page.until(
@@ -167,7 +175,9 @@ async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) 
             .await,
         ""
     );
-    let command = page.value("document.querySelector('#command').textContent").await;
+    let command = page
+        .value("document.querySelector('#command').textContent")
+        .await;
     assert_eq!(
         command,
         "tracklens score --truth gt.csv --keypoints kp.csv --image-size 320x200 --space px"
@@ -224,7 +234,14 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     let [frames, _, checkpoint] = inputs();
     let folder = Folder::new();
     let npz = folder.0.path().join("push.npz");
-    tracklens(&["data", "convert", &frames, &text(&npz), "--truth", &inputs()[1]]);
+    tracklens(&[
+        "data",
+        "convert",
+        &frames,
+        &text(&npz),
+        "--truth",
+        &inputs()[1],
+    ]);
     let expected = tracklens_json(&["eval", "--checkpoint", &checkpoint, "--frames", &text(&npz)]);
     let page = Page::open().await;
     page.pick(&[&npz, Path::new(&checkpoint)]).await;
@@ -243,8 +260,12 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
         arrays.push((entry.name().to_owned(), content));
     }
     let packed = archive(&arrays, CompressionMethod::Deflated);
-    let zip = archive(&[("in/packed.npz".to_owned(), packed)], CompressionMethod::Stored);
-    page.value("document.querySelector('#start-over').click()").await;
+    let zip = archive(
+        &[("in/packed.npz".to_owned(), packed)],
+        CompressionMethod::Stored,
+    );
+    page.value("document.querySelector('#start-over').click()")
+        .await;
     page.pick(&[&folder.put("recordings.zip", &zip), Path::new(&checkpoint)])
         .await;
     shows(&page, &expected, ERRORS).await;
@@ -270,7 +291,8 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
             _ => (name.clone(), content.clone()),
         })
         .collect();
-    page.value("document.querySelector('#start-over').click()").await;
+    page.value("document.querySelector('#start-over').click()")
+        .await;
     page.pick(&[&folder.put("cut.npz", &archive(&broken, CompressionMethod::Stored))])
         .await;
     page.until_text("is the file complete?").await;
@@ -319,7 +341,12 @@ impl Points {
 
     /// As DeepLabCut's labels; of several animals where `individuals` are given, one for each name.
     fn deeplabcut(&self, individuals: &[&str]) -> String {
-        let twice = |texts: &[&str]| texts.iter().map(|t| format!(",{t},{t}")).collect::<String>();
+        let twice = |texts: &[&str]| {
+            texts
+                .iter()
+                .map(|t| format!(",{t},{t}"))
+                .collect::<String>()
+        };
         let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
         let scorer = twice(&vec!["me"; names.len()]);
         let axes = ",x,y".repeat(names.len());
@@ -340,20 +367,22 @@ impl Points {
         let (mut images, mut annotations) = (Vec::new(), Vec::new());
         for (i, (sequence, frame, points)) in self.rows.iter().enumerate() {
             let name = format!("{sequence}/frame_{frame:03}.png");
-            images.push(serde_json::json!({ "id": i, "file_name": name, "width": 256, "height": 256 }));
+            images.push(
+                serde_json::json!({ "id": i, "file_name": name, "width": 256, "height": 256 }),
+            );
             let keypoints: Vec<f64> = points.iter().flat_map(|[x, y]| [*x, *y, 2.0]).collect();
             annotations.push(serde_json::json!({
                 "id": i, "image_id": i, "category_id": 1, "keypoints": keypoints, "num_keypoints": points.len(),
             }));
         }
-        let categories =
-            serde_json::json!([{ "id": 1, "name": "scene", "keypoints": self.names, "skeleton": [] }]);
+        let categories = serde_json::json!([{ "id": 1, "name": "scene", "keypoints": self.names, "skeleton": [] }]);
         serde_json::json!({ "images": images, "annotations": annotations, "categories": categories })
             .to_string()
     }
 }
 
-/// The ground truth of the example with one row a frame, in pixels of 256 x 256, (y, x), frames from 1.
+/// The ground truth of the example with one row a frame, in pixels of 256 x 256, (y, x), frames
+/// from 1.
 fn odd_table() -> String {
     let Points { names, rows } = Points::of_the_example();
     let columns: Vec<String> = names.iter().map(|n| format!("{n}_x,{n}_y")).collect();
@@ -369,7 +398,9 @@ fn odd_table() -> String {
 async fn repeated(page: &Page, files: &[(&str, &Path)]) -> (Value, String) {
     page.until("document.querySelector('#command')?.textContent")
         .await;
-    let shown = page.value("document.querySelector('#command').textContent").await;
+    let shown = page
+        .value("document.querySelector('#command').textContent")
+        .await;
     let shown = shown.as_str().expect("a command").to_owned();
     let words: Vec<String> = shown
         .split(' ')
@@ -407,7 +438,8 @@ async fn guesses_are_marked_and_can_be_corrected() {
     page.until("document.querySelector('#join').dataset.unmatchedRows === '0'")
         .await;
     let said = "[...document.querySelectorAll('#files [data-role=ground-truth] .choice')].map((c) => c.dataset.by).join()";
-    page.until(&format!("{said} === 'guess,said,said,said'")).await;
+    page.until(&format!("{said} === 'guess,said,said,said'"))
+        .await;
     page.pick(&[Path::new(&checkpoint)]).await;
     let expected = parsed(&eval(
         [Path::new(&checkpoint), Path::new(&frames), &truth],
@@ -495,18 +527,24 @@ async fn deeplabcut_and_coco_score_as_the_tidy_table_and_as_in_the_terminal() {
         ))
         .await;
         // That it is a ground truth is a guess; the unit is the layout's.
-        let chosen = "document.querySelector('#files [data-role=ground-truth] select[name=space]').value";
+        let chosen =
+            "document.querySelector('#files [data-role=ground-truth] select[name=space]').value";
         page.until(&format!("{chosen} === 'px'")).await;
         page.until("document.querySelector('#files [data-role=ground-truth] .guess')")
             .await;
-        let expected = parsed(&eval([Path::new(&checkpoint), Path::new(&frames), &file], &[]));
+        let expected = parsed(&eval(
+            [Path::new(&checkpoint), Path::new(&frames), &file],
+            &[],
+        ));
         shows(&page, &expected, ERRORS).await;
         for k in 0..3 {
-            let [a, b] = [&expected, &same].map(|e| e["objects"][k]["error"].as_f64().expect("a number"));
+            let [a, b] =
+                [&expected, &same].map(|e| e["objects"][k]["error"].as_f64().expect("a number"));
             // Pixels and back cost some digits.
             assert!((a - b).abs() < 1e-9, "{name}: {a} {b}");
         }
-        page.click("#files [data-role=ground-truth] .icon-button").await;
+        page.click("#files [data-role=ground-truth] .icon-button")
+            .await;
         page.until("!document.querySelector('#files [data-role=ground-truth]')")
             .await;
     }
@@ -548,7 +586,8 @@ async fn keypoints_of_deeplabcut_and_coco_score_as_in_the_terminal() {
             "256x256",
         ]);
         shows(&page, &expected, 1e-12).await;
-        page.click("#files [data-role=keypoints] .icon-button").await;
+        page.click("#files [data-role=keypoints] .icon-button")
+            .await;
         page.until("!document.querySelector('#files [data-role=keypoints]')")
             .await;
     }
@@ -565,7 +604,13 @@ async fn a_table_taken_for_the_wrong_thing_gets_another_role() {
     for t in 0..40 {
         let (s, c) = (f64::from(t) * 0.37).sin_cos();
         truth += &format!("{t},{},{}\n", 0.5 * s, 0.5 * c);
-        keypoints += &format!("{t},{},{},{},{}\n", 0.3 * c + 0.1, -s, s * s * s, 0.2 * c * s);
+        keypoints += &format!(
+            "{t},{},{},{},{}\n",
+            0.3 * c + 0.1,
+            -s,
+            s * s * s,
+            0.2 * c * s
+        );
     }
     let truth = folder.put("truth/push.csv", truth.as_bytes());
     let keypoints = folder.put("detector/push.csv", keypoints.as_bytes());
@@ -600,7 +645,8 @@ async fn a_table_taken_for_the_wrong_thing_gets_another_role() {
          select.value = 'keypoints'; select.dispatchEvent(new Event('change', { bubbles: true })); })()",
     )
     .await;
-    page.until("document.querySelector('#missing[hidden]')").await;
+    page.until("document.querySelector('#missing[hidden]')")
+        .await;
     shows(&page, &expected, 1e-12).await;
     page.close().await;
 }
@@ -614,7 +660,8 @@ async fn files_are_replaced_and_removed_without_starting_over() {
     }
     let page = Page::open().await;
     page.pick_folder(&folder.0.path().join("frames")).await;
-    page.pick(&[Path::new(&truth), Path::new(&checkpoint)]).await;
+    page.pick(&[Path::new(&truth), Path::new(&checkpoint)])
+        .await;
     shows(&page, &evaluation_of_the_example(), ERRORS).await;
 
     // A corrected table under the same name takes the place of the first at once.
@@ -652,7 +699,10 @@ async fn files_are_replaced_and_removed_without_starting_over() {
         .await;
 
     // Other images under the same paths: told, and undone.
-    let name = files_of(&example("frames"), "frames/").pop().expect("an image").0;
+    let name = files_of(&example("frames"), "frames/")
+        .pop()
+        .expect("an image")
+        .0;
     let images = files_of(&example("frames"), "frames/");
     folder.put(&name, &images[0].1);
     page.pick_folder(&folder.0.path().join("frames")).await;
@@ -691,7 +741,10 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
         CompressionMethod::Stored,
     );
     for _ in 0..3 {
-        nested = archive(&[("inner.zip".to_owned(), nested)], CompressionMethod::Deflated);
+        nested = archive(
+            &[("inner.zip".to_owned(), nested)],
+            CompressionMethod::Deflated,
+        );
     }
     page.pick(&[&folder.put("nested.zip", &nested)]).await;
     page.until_text("lies in 3 other archives; expected at most 2")
@@ -704,12 +757,14 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
     );
     page.pick(&[&folder.put("cut.zip", &whole[..whole.len() - 30])])
         .await;
-    page.until_text("its directory, at the end, is missing").await;
+    page.until_text("its directory, at the end, is missing")
+        .await;
     for byte in &mut whole[60..120] {
         *byte ^= 0x55;
     }
     page.pick(&[&folder.put("damaged.zip", &whole)]).await;
-    page.until_text("damaged.zip/kp.csv cannot be unpacked").await;
+    page.until_text("damaged.zip/kp.csv cannot be unpacked")
+        .await;
 
     // Two entries of the same path.
     let mut twice = archive(
@@ -733,7 +788,8 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
         .await;
 
     // No archive at all, by its content.
-    page.pick(&[&folder.put("text.zip", b"sequence,frame")]).await;
+    page.pick(&[&folder.put("text.zip", b"sequence,frame")])
+        .await;
     page.until_text("text.zip: not a whole ZIP archive").await;
     page.close().await;
 }
@@ -774,7 +830,8 @@ async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
     page.value(PICK_VIDEO).await;
     page.until("document.querySelector('#files [data-role=image]')?.dataset.frames === '10'")
         .await;
-    page.pick(&[Path::new(&truth), Path::new(&checkpoint)]).await;
+    page.pick(&[Path::new(&truth), Path::new(&checkpoint)])
+        .await;
     page.until_scored().await;
     let card = "document.querySelector('.card').dataset.frames";
     assert_eq!(page.number(card).await, 10.0);
@@ -791,7 +848,11 @@ async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
     }
     let frames = text(&folder.0.path().join("frames"));
     let expected = parsed(&eval(
-        [Path::new(&checkpoint), Path::new(&frames), Path::new(&truth)],
+        [
+            Path::new(&checkpoint),
+            Path::new(&frames),
+            Path::new(&truth),
+        ],
         &[],
     ));
     let eef = expected["objects"]

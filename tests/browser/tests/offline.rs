@@ -1,4 +1,5 @@
-//! The page works without a network, changes versions as a whole, and talks with nobody but its own server.
+//! The page works without a network, changes versions as a whole, and talks with nobody but its own
+//! server.
 
 use std::fs;
 use std::path::Path;
@@ -12,10 +13,13 @@ use tracklens_page_tests::{Browser, Page, Server, copy_folder, example, site};
 async fn kept(site: &Path) -> Page {
     let server = Server::start(site.to_owned(), &[]).await;
     let page = Page::open_at(Browser::Chromium, server, "/").await;
-    page.until("!document.querySelector('#offline').hidden").await;
-    page.goto("/").await;
-    page.until("navigator.serviceWorker.controller && !document.querySelector('#try-example').disabled")
+    page.until("!document.querySelector('#offline').hidden")
         .await;
+    page.goto("/").await;
+    page.until(
+        "navigator.serviceWorker.controller && !document.querySelector('#try-example').disabled",
+    )
+    .await;
     page
 }
 
@@ -31,7 +35,10 @@ async fn after_the_first_load_the_page_works_without_a_network() {
         .await;
     // The browser looks for a newer version; nothing else is asked for.
     let asked = page.server.take_requests();
-    assert!(asked.iter().all(|r| r == "GET /service-worker.js"), "{asked:?}");
+    assert!(
+        asked.iter().all(|r| r == "GET /service-worker.js"),
+        "{asked:?}"
+    );
     // It can be installed: a manifest with a name, a start and icons that are there.
     let manifest = "(() => { const { name, start_url, display, icons } = globalThis.__manifest; \
                     return Boolean(name && start_url && display === 'standalone' && icons.length >= 3); })()";
@@ -46,19 +53,24 @@ async fn after_the_first_load_the_page_works_without_a_network() {
     page.close().await;
 }
 
-/// Nothing of the files leaves the page: all that its scripts and workers ask for, as the browser itself writes it down, are
-/// files of the site.
+/// Nothing of the files leaves the page: all that its scripts and workers ask for, as the browser
+/// itself writes it down, are files of the site.
 #[tokio::test(flavor = "multi_thread")]
 async fn nothing_is_asked_for_but_files_of_the_site() {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("net.json");
     let server = Server::start(site(), &[]).await;
     let argument = format!("--log-net-log={}", log.display());
-    let page = Page::open_with_arguments(Browser::Chromium, &[&argument], server.clone(), "/").await;
-    page.until("!document.querySelector('#offline').hidden").await;
-    page.pick_folder(&example("frames")).await;
-    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
+    let page =
+        Page::open_with_arguments(Browser::Chromium, &[&argument], server.clone(), "/").await;
+    page.until("!document.querySelector('#offline').hidden")
         .await;
+    page.pick_folder(&example("frames")).await;
+    page.pick(&[
+        &example("checkpoint.safetensors"),
+        &example("ground_truth.csv"),
+    ])
+    .await;
     page.until_scored().await;
     page.click(".layer[data-mark=heat]").await;
     page.until("document.querySelector('#stage').dataset.heat === 'true'")
@@ -67,8 +79,12 @@ async fn nothing_is_asked_for_but_files_of_the_site() {
     page.close().await;
 
     let files = |request: &String| {
-        let path = request.strip_prefix("GET /").filter(|path| !path.contains('?'));
-        path.is_some_and(|path| path.is_empty() || site().join(path).is_file() || path == "favicon.ico")
+        let path = request
+            .strip_prefix("GET /")
+            .filter(|path| !path.contains('?'));
+        path.is_some_and(|path| {
+            path.is_empty() || site().join(path).is_file() || path == "favicon.ico"
+        })
     };
     let asked = server.take_requests();
     let others: Vec<&String> = asked.iter().filter(|request| !files(request)).collect();
@@ -106,12 +122,18 @@ fn change(site: &Path, name: &str, from: &str, to: &str, hash_of: &str) {
         .lines()
         .find(|line| line.starts_with("const SITE = "))
         .expect("a list");
-    let json = line.trim_start_matches("const SITE = ").trim_end_matches(';');
+    let json = line
+        .trim_start_matches("const SITE = ")
+        .trim_end_matches(';');
     let mut list: Value = serde_json::from_str(json).expect("JSON");
     let hash = format!("{:x}", Sha256::digest(hash_of.replacen(from, to, 1)));
     list["version"] = Value::from(&hash[..16]);
     list["files"][name] = json!({ "hash": hash, "bytes": changed.len() });
-    fs::write(&worker, text.replace(line, &format!("const SITE = {list};"))).expect("written");
+    fs::write(
+        &worker,
+        text.replace(line, &format!("const SITE = {list};")),
+    )
+    .expect("written");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -120,7 +142,8 @@ async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     let site_copy = folder.path().join("site");
     copy_folder(&site(), &site_copy);
     let page = kept(&site_copy).await;
-    let update = "navigator.serviceWorker.getRegistration().then((r) => r.update()).catch(() => {})";
+    let update =
+        "navigator.serviceWorker.getRegistration().then((r) => r.update()).catch(() => {})";
     let title = "document.querySelector('#intake-title').textContent";
     let (old, new) = (
         "Do the keypoints track the objects?</h1>",
@@ -129,14 +152,25 @@ async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     let index = fs::read_to_string(site_copy.join("index.html")).expect("a page");
 
     // Half a deployment: the list names another content than the server has. The old version stays.
-    change(&site_copy, "style.css", ":root {", "\n:root {", "something else");
+    change(
+        &site_copy,
+        "style.css",
+        ":root {",
+        "\n:root {",
+        "something else",
+    );
     page.value(update).await;
-    page.until("navigator.serviceWorker.getRegistration().then((r) => !r.installing && !r.waiting)")
-        .await;
+    page.until(
+        "navigator.serviceWorker.getRegistration().then((r) => !r.installing && !r.waiting)",
+    )
+    .await;
     page.goto("/").await;
     page.until("!document.querySelector('#try-example').disabled")
         .await;
-    assert_eq!(page.value("document.querySelector('#update').hidden").await, true);
+    assert_eq!(
+        page.value("document.querySelector('#update').hidden").await,
+        true
+    );
 
     // The whole of it, with another change.
     let style = fs::read_to_string(site_copy.join("style.css")).expect("a style");
@@ -146,17 +180,23 @@ async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     let later = SystemTime::now() + Duration::from_secs(10);
     for name in ["style.css", "index.html", "service-worker.js"] {
         let file = fs::File::options().append(true).open(site_copy.join(name));
-        file.and_then(|file| file.set_modified(later)).expect("dated");
+        file.and_then(|file| file.set_modified(later))
+            .expect("dated");
     }
-    // Asked again and again: a browser that is just looking, as it does after a visit, may have seen the state before.
+    // Asked again and again: a browser that is just looking, as it does after a visit, may have
+    // seen the state before.
     page.until(&format!(
         "{update}.then(() => !document.querySelector('#update').hidden)"
     ))
     .await;
     // Nothing has changed for this page, nor for one opened now.
     page.goto("/").await;
-    page.until("!document.querySelector('#update').hidden").await;
-    assert_eq!(page.value(title).await, "Do the keypoints track the objects?");
+    page.until("!document.querySelector('#update').hidden")
+        .await;
+    assert_eq!(
+        page.value(title).await,
+        "Do the keypoints track the objects?"
+    );
 
     page.click("#use-update").await;
     page.until(&format!("{title} === 'Are the objects tracked?'"))

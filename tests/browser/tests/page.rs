@@ -5,24 +5,29 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use tracklens_page_tests::{
-    Browser, Page, Server, copy_folder, eval, eval_example, example, example_inputs, extract_keypoints,
-    in_every_browser, parsed, same_keypoints, site, text, tracklens_json,
+    Browser, Page, Server, copy_folder, eval, eval_example, example, example_inputs,
+    extract_keypoints, in_every_browser, parsed, same_keypoints, site, text, tracklens_json,
 };
 
-/// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and without fused
-/// multiply-add): keypoints agree to 1e-4, and their errors, means over all frames, to far less.
+/// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and
+/// without fused multiply-add): keypoints agree to 1e-4, and their errors, means over all frames,
+/// to far less.
 const KEYPOINTS: f64 = 1e-4;
 
 /// Relative, of the errors.
 const ERRORS: f64 = 1e-6;
 
-/// TC and the errors of all objects as the page shows them are those of an evaluation of the command.
+/// TC and the errors of all objects as the page shows them are those of an evaluation of the
+/// command.
 async fn shows(page: &Page, expected: &Value, tolerance: f64) {
-    let tc = page.number("document.querySelector('#results').dataset.tc").await;
+    let tc = page
+        .number("document.querySelector('#results').dataset.tc")
+        .await;
     assert_eq!(Some(tc), expected["tc"].as_f64());
     let objects = expected["objects"].as_array().expect("objects");
     assert_eq!(
-        page.number("document.querySelectorAll('.card').length").await,
+        page.number("document.querySelectorAll('.card').length")
+            .await,
         objects.len() as f64
     );
     for object in objects {
@@ -37,7 +42,11 @@ async fn shows(page: &Page, expected: &Value, tolerance: f64) {
             "{}: {shown} in the page, {error} in the terminal, relative difference {difference:.1e}",
             object["name"]
         );
-        assert!(difference <= tolerance, "{}: {shown} and {error}", object["name"]);
+        assert!(
+            difference <= tolerance,
+            "{}: {shown} and {error}",
+            object["name"]
+        );
         for field in ["threshold", "frames", "outside"] {
             assert_eq!(
                 Some(page.number(&format!("{card}.{field}")).await),
@@ -127,10 +136,14 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
         page.value(&set(object, "5")).await;
     }
     assert_eq!(
-        page.number("document.querySelector('#results').dataset.tc").await,
+        page.number("document.querySelector('#results').dataset.tc")
+            .await,
         1.0
     );
-    assert_eq!(page.value(&set("eef", "0.000001")).await, (2.0 / 3.0).to_string());
+    assert_eq!(
+        page.value(&set("eef", "0.000001")).await,
+        (2.0 / 3.0).to_string()
+    );
     // What cannot be a threshold changes nothing.
     assert_eq!(page.value(&set("eef", "-3")).await, (2.0 / 3.0).to_string());
     page.until("document.querySelector('#threshold-eef-hint').textContent === 'Expected a number above 0; 0.000001 still holds.'")
@@ -155,7 +168,10 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
         .await
         .expect("a stage");
     stage.focus().await.expect("focus");
-    stage.send_keys("" + thirtyfour::Key::Right).await.expect("a key");
+    stage
+        .send_keys("" + thirtyfour::Key::Right)
+        .await
+        .expect("a key");
     page.until(&format!(
         "Number(document.querySelector('#stage').dataset.frame) === {}",
         before + 1.0
@@ -169,7 +185,8 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     page.close().await;
 }
 
-/// Takes photos, their ground truth and the example's checkpoint, and gives the folder of the photos.
+/// Takes photos, their ground truth and the example's checkpoint, and gives the folder of the
+/// photos.
 async fn pick_photos(page: &Page) -> PathBuf {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data");
     let data = data.canonicalize().expect("the data of the tests");
@@ -222,7 +239,8 @@ async fn a_part_that_is_not_there_is_told_and_asked_for_again() {
 async fn an_extraction_can_be_cancelled_and_goes_on() {
     let page = Page::open().await;
     // An encoder that takes the frames at their full size, so that there is something to cancel.
-    let slow = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden/basic-vel-std-bg-tiny.safetensors");
+    let slow = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../golden/basic-vel-std-bg-tiny.safetensors");
     let slow = slow.canonicalize().expect("the golden file");
     page.pick(&[&slow, &example("ground_truth.csv")]).await;
     page.until("document.querySelector('#files [data-role=checkpoint][data-state=used]')")
@@ -363,7 +381,8 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced(browser: Browser) {
 async fn own_files_take_the_place_of_the_example(browser: Browser) {
     let page = Page::open_in(browser).await;
     let folder = tables();
-    let [truth, keypoints, notes] = ["gt.csv", "kp.csv", "notes.pdf"].map(|name| folder.path().join(name));
+    let [truth, keypoints, notes] =
+        ["gt.csv", "kp.csv", "notes.pdf"].map(|name| folder.path().join(name));
     fs::write(&notes, "no table").expect("written");
     page.click("#try-example").await;
     page.until_scored().await;
@@ -372,7 +391,8 @@ async fn own_files_take_the_place_of_the_example(browser: Browser) {
     page.until("document.querySelector('#problems [data-problem=nothing]')")
         .await;
     assert_eq!(
-        page.number("document.querySelectorAll('.card').length").await,
+        page.number("document.querySelectorAll('.card').length")
+            .await,
         3.0
     );
 
@@ -380,19 +400,28 @@ async fn own_files_take_the_place_of_the_example(browser: Browser) {
     page.until("document.querySelector('#problems [data-problem=example]')")
         .await;
     assert_eq!(
-        page.value("[...document.querySelectorAll('#files > li')].map((item) => item.dataset.path)")
-            .await,
+        page.value(
+            "[...document.querySelectorAll('#files > li')].map((item) => item.dataset.path)"
+        )
+        .await,
         serde_json::json!(["gt.csv"])
     );
     assert_eq!(
-        page.value("document.querySelector('#results').hidden").await,
+        page.value("document.querySelector('#results').hidden")
+            .await,
         true
     );
     // The next files join the first ones.
     page.pick(&[&keypoints]).await;
     page.until_scored().await;
     let [own_truth, own_keypoints] = [&truth, &keypoints].map(|path| text(path));
-    let expected = tracklens_json(&["score", "--truth", &own_truth, "--keypoints", &own_keypoints]);
+    let expected = tracklens_json(&[
+        "score",
+        "--truth",
+        &own_truth,
+        "--keypoints",
+        &own_keypoints,
+    ]);
     shows(&page, &expected, 1e-12).await;
     assert_eq!(
         page.value("document.querySelector('#problems [data-problem=example]')")
@@ -405,7 +434,8 @@ async fn own_files_take_the_place_of_the_example(browser: Browser) {
     page.until("document.querySelectorAll('.card').length === 3")
         .await;
     page.pick(&[&truth]).await;
-    page.click("#problems [data-problem=example] button.link").await;
+    page.click("#problems [data-problem=example] button.link")
+        .await;
     page.until("document.querySelectorAll('.card').length === 3")
         .await;
     page.close().await;
@@ -417,7 +447,8 @@ async fn what_is_wrong_stands_over_the_results_and_goes_with_its_cause(browser: 
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
     let good = fs::read_to_string(&truth).expect("a table");
     let problem = "document.querySelector('#problems [data-problem=\"broken gt.csv\"]')";
-    let write_broken = || fs::write(&truth, good.replacen("cube,", "cube,abc", 1)).expect("written");
+    let write_broken =
+        || fs::write(&truth, good.replacen("cube,", "cube,abc", 1)).expect("written");
 
     write_broken();
     page.pick(&[&truth, &keypoints]).await;
@@ -427,7 +458,10 @@ async fn what_is_wrong_stands_over_the_results_and_goes_with_its_cause(browser: 
         .await;
     page.value(&format!("{problem}.querySelector('button.link').click()"))
         .await;
-    assert_eq!(page.value("document.activeElement.dataset.path").await, "gt.csv");
+    assert_eq!(
+        page.value("document.activeElement.dataset.path").await,
+        "gt.csv"
+    );
 
     fs::write(&truth, &good).expect("written");
     page.pick(&[&truth]).await;
@@ -489,8 +523,11 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     fs::write(recording.join("notes.pdf"), "no image").expect("written");
 
     page.pick_folder(&recording).await;
-    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
-        .await;
+    page.pick(&[
+        &example("checkpoint.safetensors"),
+        &example("ground_truth.csv"),
+    ])
+    .await;
     page.until_scored().await;
     // 10 frames and one too many; one is cut short, two are of impossible sizes, one has no row.
     assert_eq!(

@@ -1,5 +1,5 @@
-//! The pool of extraction workers in headless Chromium, which a script before the page gives four cores and a hand on its
-//! workers.
+//! The pool of extraction workers in headless Chromium, which a script before the page gives four
+//! cores and a hand on its workers.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,8 @@ use tracklens_page_tests::{Page, example, extract_keypoints};
 /// Single precision with other kernels, and fused multiply-add only natively.
 const KEYPOINTS: f64 = 1e-4;
 
-/// Four cores, and every worker in `__workers`, with the number of frames it was given and has not answered.
+/// Four cores, and every worker in `__workers`, with the number of frames it was given and has not
+/// answered.
 const WATCHED: &str = r#"
   Object.defineProperty(Navigator.prototype, "hardwareConcurrency", { get: () => 4, configurable: true });
   globalThis.__workers = [];
@@ -33,7 +34,8 @@ const WATCHED: &str = r#"
   };
 "#;
 
-/// `__run(onReport)` extracts the example's frames with the page's own pool and returns what was reported, in order.
+/// `__run(onReport)` extracts the example's frames with the page's own pool and returns what was
+/// reported, in order.
 const RUN: &str = r#"
   const { WorkerPool } = await import(new URL("extraction-pool.js", location.href));
   const get = async (path) => ({ path, blob: await (await fetch(`example/${path}`)).blob() });
@@ -180,7 +182,10 @@ async fn a_cancelled_run_ends_at_once_reports_nothing_more_and_can_be_gone_on_wi
     )
     .await;
     assert_eq!(found["error"], json!("Error: enough"));
-    assert_eq!([&found["length"], &found["after"]], [&json!(20), &json!(20)]);
+    assert_eq!(
+        [&found["length"], &found["after"]],
+        [&json!(20), &json!(20)]
+    );
     assert!(
         found["milliseconds"].as_f64().expect("a time") < 200.0,
         "{}",
@@ -245,7 +250,11 @@ async fn without_memory_for_more_there_is_one_worker() {
     ))
     .await;
     eventually(&page, RUN).await;
-    let found = eventually(&page, "return { ...(await __run()), workers: __workers.length };").await;
+    let found = eventually(
+        &page,
+        "return { ...(await __run()), workers: __workers.length };",
+    )
+    .await;
     assert_eq!(found["workers"], json!(1));
     assert_eq!(paths(&found["reports"]), paths(&frames(&page).await));
     page.close().await;
@@ -285,8 +294,11 @@ async fn with_no_worker_left_the_page_says_so_keeps_what_is_done_and_goes_on_whe
     // None from the start: the checkpoint cannot be opened, the rest of the page works.
     page.value("void (globalThis.__broken = true)").await;
     page.click("#start-over").await;
-    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
-        .await;
+    page.pick(&[
+        &example("checkpoint.safetensors"),
+        &example("ground_truth.csv"),
+    ])
+    .await;
     page.until_text("checkpoint.safetensors could not be opened: the worker broke down")
         .await;
     page.until("document.querySelector('#files [data-role=ground-truth][data-state=used]')")
@@ -304,7 +316,8 @@ async fn a_hidden_page_goes_on_and_a_page_that_is_left_leaves_nothing_behind() {
         .send_raw("Browser.getWindowForTarget", json!({}))
         .await
         .expect("a window");
-    let state = |state: &str| json!({ "windowId": window["windowId"], "bounds": { "windowState": state } });
+    let state =
+        |state: &str| json!({ "windowId": window["windowId"], "bounds": { "windowState": state } });
     cdp.send_raw("Browser.setWindowBounds", state("minimized"))
         .await
         .expect("hidden");
@@ -316,7 +329,8 @@ async fn a_hidden_page_goes_on_and_a_page_that_is_left_leaves_nothing_behind() {
 
     eventually(&page, RUN).await;
     page.value("void __run()").await;
-    page.until("__workers.some((worker) => worker.dealt > 0)").await;
+    page.until("__workers.some((worker) => worker.dealt > 0)")
+        .await;
     page.driver.refresh().await.expect("the page once more");
     page.until("globalThis.__workers && !document.querySelector('#try-example').disabled")
         .await;

@@ -1,4 +1,5 @@
-//! What the page makes of a score, in headless Chromium: figures that react, held-out folds and intervals, files.
+//! What the page makes of a score, in headless Chromium: figures that react, held-out folds and
+//! intervals, files.
 
 use std::fs;
 
@@ -74,7 +75,11 @@ async fn a_cell_of_the_matrix_shows_its_keypoint_and_a_button_goes_back() {
     );
     assert_eq!(page.value(&inside).await, true);
 
-    let element = page.driver.find(By::Css(cell(other))).await.expect("a cell");
+    let element = page
+        .driver
+        .find(By::Css(cell(other)))
+        .await
+        .expect("a cell");
     element.scroll_into_view().await.expect("in view");
     element.click().await.expect("a click");
     page.until(&format!(
@@ -101,7 +106,8 @@ async fn a_cell_of_the_matrix_shows_its_keypoint_and_a_button_goes_back() {
     ))
     .await;
     assert_eq!(
-        page.value("document.querySelector('#choose-best').hidden").await,
+        page.value("document.querySelector('#choose-best').hidden")
+            .await,
         true
     );
 
@@ -167,7 +173,14 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
     page.click("#intervals").await;
     page.until("document.querySelector('#tc-interval').textContent.includes('–')")
         .await;
-    let result = expected(&["--folds", "5", "--bootstrap", "1000", "--sequences", "--context"]);
+    let result = expected(&[
+        "--folds",
+        "5",
+        "--bootstrap",
+        "1000",
+        "--sequences",
+        "--context",
+    ]);
     close(
         &page
             .value("document.querySelector('.card').dataset.heldOut * 1")
@@ -211,7 +224,9 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
     let fitted = result["tc"].as_f64().expect("a number");
     let beside = beside.as_str().expect("text");
     assert!(
-        beside.starts_with(&format!("On the frames fitted on {fitted:.2}, 95 % interval")),
+        beside.starts_with(&format!(
+            "On the frames fitted on {fitted:.2}, 95 % interval"
+        )),
         "{beside}"
     );
 
@@ -252,9 +267,19 @@ async fn everything_can_be_taken_away() {
     let csv = saved(&page, "#save-table", "evaluation.csv").await;
     assert_eq!(csv["text"].as_str().expect("text").lines().count(), 4);
     for figure in ["errors", "capability", "sequences"] {
-        let svg = saved(&page, &format!("#save-{figure}-svg"), &format!("{figure}.svg")).await;
+        let svg = saved(
+            &page,
+            &format!("#save-{figure}-svg"),
+            &format!("{figure}.svg"),
+        )
+        .await;
         assert!(svg["head"].as_str().expect("text").starts_with("<svg"));
-        let png = saved(&page, &format!("#save-{figure}-png"), &format!("{figure}.png")).await;
+        let png = saved(
+            &page,
+            &format!("#save-{figure}-png"),
+            &format!("{figure}.png"),
+        )
+        .await;
         assert!(png["head"].as_str().expect("text").contains("PNG"), "{png}");
         assert!(png["size"].as_u64().expect("bytes") > 5000);
     }
@@ -267,7 +292,9 @@ async fn everything_can_be_taken_away() {
     .await;
     page.until("document.querySelector('#command').textContent.includes('cube=0.004')")
         .await;
-    let command = page.value("document.querySelector('#command').textContent").await;
+    let command = page
+        .value("document.querySelector('#command').textContent")
+        .await;
     let words: Vec<String> = command
         .as_str()
         .expect("a command")

@@ -1,4 +1,5 @@
-//! Evaluations that were saved and are dropped again: what the page shows of them, against the files themselves.
+//! Evaluations that were saved and are dropped again: what the page shows of them, against the
+//! files themselves.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,8 @@ fn save(folder: &Path, name: &str, more: &[&str]) -> (PathBuf, Value) {
 
 /// The value of an expression for every element that a selector finds.
 async fn each(page: &Page, selector: &str, expression: &str) -> Vec<String> {
-    let script = format!("[...document.querySelectorAll('{selector}')].map((e) => String({expression}))");
+    let script =
+        format!("[...document.querySelectorAll('{selector}')].map((e) => String({expression}))");
     serde_json::from_value(page.value(&script).await).expect("texts")
 }
 
@@ -53,7 +55,11 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
         .await;
     assert_eq!(json!(shown), saved["held_out"]["tc"]);
     let objects = saved["objects"].as_array().expect("objects");
-    for (key, field) in [("error", "error"), ("threshold", "threshold"), ("rmse", "rmse")] {
+    for (key, field) in [
+        ("error", "error"),
+        ("threshold", "threshold"),
+        ("rmse", "rmse"),
+    ] {
         let found = each(&page, ".card", &format!("e.dataset.{key}")).await;
         for (found, object) in found.iter().zip(objects) {
             assert_eq!(
@@ -76,10 +82,16 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
         keypoints * objects.len()
     ))
     .await;
-    page.until("document.querySelector('#capability svg')").await;
+    page.until("document.querySelector('#capability svg')")
+        .await;
     page.until("document.querySelector('#sequences svg')").await;
     let worst = &saved["sequences"][0]["errors"][0];
-    let listed = each(&page, "#worst-sequences li", "e.firstElementChild.textContent").await;
+    let listed = each(
+        &page,
+        "#worst-sequences li",
+        "e.firstElementChild.textContent",
+    )
+    .await;
     assert_eq!(json!(listed[0]), worst["sequence"]);
     assert_eq!(
         page.value("document.querySelectorAll('#worst-sequences button').length")
@@ -91,7 +103,8 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
     page.until("document.querySelectorAll('#context table').length === 2")
         .await;
     assert_eq!(
-        page.value("document.querySelector('#command').textContent").await,
+        page.value("document.querySelector('#command').textContent")
+            .await,
         saved["command"]
     );
 
@@ -108,15 +121,19 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
     }
     for none in ["#transform", "#save-keypoints", ".threshold"] {
         assert_eq!(
-            page.value(&format!("document.querySelector('{none}')")).await,
+            page.value(&format!("document.querySelector('{none}')"))
+                .await,
             json!(null),
             "{none}"
         );
     }
     // A cell says what it is, and shows nothing else.
-    page.value("document.querySelector('#errors [data-object=\"1\"][data-keypoint=\"1\"]').click()")
+    page.value(
+        "document.querySelector('#errors [data-object=\"1\"][data-keypoint=\"1\"]').click()",
+    )
+    .await;
+    page.until("document.querySelector('#choose-best').hidden")
         .await;
-    page.until("document.querySelector('#choose-best').hidden").await;
 
     // Saved again it is the same.
     page.value(
@@ -137,21 +154,28 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
         assert_eq!(again[key], saved[key], "{key}");
     }
 
-    // Frames, a checkpoint and a ground truth come: their score takes its place, and comes to stand beside it.
+    // Frames, a checkpoint and a ground truth come: their score takes its place, and comes to stand
+    // beside it.
     page.pick_folder(&example("frames")).await;
-    page.pick(&[&example("checkpoint.safetensors"), &example("ground_truth.csv")])
+    page.pick(&[
+        &example("checkpoint.safetensors"),
+        &example("ground_truth.csv"),
+    ])
+    .await;
+    page.until("!document.querySelector('#viewer').hidden")
         .await;
-    page.until("!document.querySelector('#viewer').hidden").await;
     page.until("document.querySelector('#transform')").await;
     page.until_text("Saved evaluation, not shown").await;
     until_compared(&page, 2).await;
     // Without them it is back.
-    page.click("#files [data-role=ground-truth] .icon-button").await;
+    page.click("#files [data-role=ground-truth] .icon-button")
+        .await;
     page.until("document.querySelector('#viewer').hidden").await;
     page.until_text("Frames, trajectories and keypoints are in no such file")
         .await;
     page.click("#files [data-role=result] .icon-button").await;
-    page.until("document.querySelector('#results').hidden").await;
+    page.until("document.querySelector('#results').hidden")
+        .await;
     page.close().await;
 }
 
@@ -178,7 +202,9 @@ async fn several_saved_evaluations_are_compared() {
             "[...document.querySelectorAll('#{table} tbody tr')].map((r) => [...r.cells].map((c) => c.textContent))"
         );
         let page = &page;
-        async move { serde_json::from_value::<Vec<Vec<String>>>(page.value(&script).await).expect("a table") }
+        async move {
+            serde_json::from_value::<Vec<Vec<String>>>(page.value(&script).await).expect("a table")
+        }
     };
     let runs = rows("run-table").await;
     for (name, evaluation) in [("ours_1.json", &saved), ("theirs_1.json", &other)] {
@@ -192,7 +218,10 @@ async fn several_saved_evaluations_are_compared() {
             let error = object["error"].as_f64().expect("a number");
             let found: f64 = row[6 + k].parse().expect("a number");
             // Three digits are shown.
-            assert!((found - error).abs() <= 0.005 * error, "{name}: {found} {error}");
+            assert!(
+                (found - error).abs() <= 0.005 * error,
+                "{name}: {found} {error}"
+            );
         }
     }
     let groups: Vec<String> = rows("only-errors-table")
@@ -210,7 +239,8 @@ async fn several_saved_evaluations_are_compared() {
         )
     };
     page.until(&tc(&saved)).await;
-    page.click("#files [data-path='theirs_1.json'] button.link").await;
+    page.click("#files [data-path='theirs_1.json'] button.link")
+        .await;
     page.until(&tc(&other)).await;
 
     // Under another map errors are no longer the same thing.
@@ -218,7 +248,8 @@ async fn several_saved_evaluations_are_compared() {
     page.until_text("one is scored under the map affine, the other under identity")
         .await;
     until_compared(&page, 2).await;
-    page.click("#files [data-path='plain.json'] button.link").await;
+    page.click("#files [data-path='plain.json'] button.link")
+        .await;
     page.until(&tc(&identity)).await;
     page.until_text("Keypoints are scored as they are, without a fitted map")
         .await;
@@ -250,14 +281,18 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     page.pick(&[&files[0]]).await;
     page.until_text("the evaluation has the schema tracklens/evaluation/9")
         .await;
-    page.until_text("reads up to tracklens/evaluation/2. Use the version of tracklens that wrote it")
-        .await;
+    page.until_text(
+        "reads up to tracklens/evaluation/2. Use the version of tracklens that wrote it",
+    )
+    .await;
     page.pick(&[&files[1], &files[2], &good]).await;
     page.until_scored().await;
     page.until_text("cut.json: no JSON of an evaluation").await;
     page.until_text("expected the folders of the runs, or their evaluations")
         .await;
-    let state = |name: &str| format!("document.querySelector('#files [data-path=\"{name}\"]').dataset.state");
+    let state = |name: &str| {
+        format!("document.querySelector('#files [data-path=\"{name}\"]').dataset.state")
+    };
     for (name, expected) in [
         ("newer.json", "broken"),
         ("cut.json", "broken"),

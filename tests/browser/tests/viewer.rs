@@ -35,7 +35,11 @@ async fn until_frame(page: &Page, frame: usize) {
 }
 
 async fn press(page: &Page, selector: &str, keys: impl Into<TypingData>) {
-    let element = page.driver.find(By::Css(selector)).await.expect("an element");
+    let element = page
+        .driver
+        .find(By::Css(selector))
+        .await
+        .expect("an element");
     element.focus().await.expect("focus");
     element.send_keys(keys).await.expect("keys");
 }
@@ -93,21 +97,24 @@ async fn moving_decodes_ahead_and_changes_nothing_but_the_frame(browser: Browser
     )
     .await;
     until_frame(&page, 2).await;
-    // The frame, and those at steps of two after it: 4, 6, 8. Firefox keeps what its driver changes from the page.
+    // The frame, and those at steps of two after it: 4, 6, 8. Firefox keeps what its driver changes
+    // from the page.
     if browser == Browser::Chromium {
         page.until("document.body.dataset.decoded === '4'").await;
     }
     assert_eq!(page.number("document.body.dataset.changed").await, 0.0);
     press(&page, "#stage", Key::PageDown + "").await;
     until_frame(&page, 10).await;
-    page.until("Number(document.body.dataset.changed) > 0").await;
+    page.until("Number(document.body.dataset.changed) > 0")
+        .await;
     page.close().await;
 }
 
 async fn plots_seek_and_follow(browser: Browser) {
     let page = example(browser).await;
     let error = "document.querySelector('canvas[data-quantity=error]')";
-    page.until(&format!("{error}.dataset.points === '10'")).await;
+    page.until(&format!("{error}.dataset.points === '10'"))
+        .await;
     let before = page.number(&format!("{error}.dataset.cursor")).await;
     let plot = page
         .driver
@@ -140,8 +147,10 @@ async fn plots_seek_and_follow(browser: Browser) {
     .await;
     page.click("#save-plot-error-svg").await;
     page.click("#save-plot-x-png").await;
-    page.until("window.__saved['image/png']?.size > 5000 && window.__saved['image/svg+xml']?.size > 2000")
-        .await;
+    page.until(
+        "window.__saved['image/png']?.size > 5000 && window.__saved['image/svg+xml']?.size > 2000",
+    )
+    .await;
     page.close().await;
 }
 
@@ -245,7 +254,10 @@ async fn what_is_shown_is_remembered(browser: Browser) {
         .await,
         "false"
     );
-    assert_eq!(page.value("document.querySelector('#speed').value").await, "12.5");
+    assert_eq!(
+        page.value("document.querySelector('#speed').value").await,
+        "12.5"
+    );
     assert_eq!(
         page.value("document.querySelector('.card[data-object=cube]').dataset.threshold")
             .await,
@@ -263,12 +275,17 @@ async fn what_is_shown_is_remembered(browser: Browser) {
     // What cannot be understood is as good as nothing.
     page.value("localStorage.setItem('tracklens/settings/1/viewer', '{\"layers\": 7, \"trail\": \"x\", \"speed\": -1}')")
         .await;
-    page.value("localStorage.setItem('tracklens/settings/1/score', '{\"thresholds\": {\"cube\": \"no\"}')")
-        .await;
+    page.value(
+        "localStorage.setItem('tracklens/settings/1/score', '{\"thresholds\": {\"cube\": \"no\"}')",
+    )
+    .await;
     page.goto("/").await;
     page.click("#try-example").await;
     page.until_scored().await;
-    assert_eq!(page.value("document.querySelector('#speed').value").await, "5");
+    assert_eq!(
+        page.value("document.querySelector('#speed').value").await,
+        "5"
+    );
     page.close().await;
 }
 
@@ -282,7 +299,13 @@ async fn of_many_sequences_only_those_in_sight_are_drawn() {
             let (x, y) = (f64::from(s * 4 + t) * 0.37).sin_cos();
             let off = f64::from(s) * 1e-4;
             writeln!(truth, "seq_{s:04},{t},cube,{},{}", 0.5 * x, 0.5 * y).expect("a string");
-            writeln!(keypoints, "seq_{s:04},{t},0,{},{}", 0.5 * x + off * y, 0.5 * y).expect("a string");
+            writeln!(
+                keypoints,
+                "seq_{s:04},{t},0,{},{}",
+                0.5 * x + off * y,
+                0.5 * y
+            )
+            .expect("a string");
         }
     }
     let [gt, kp] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
@@ -293,7 +316,11 @@ async fn of_many_sequences_only_those_in_sight_are_drawn() {
     page.until_scored().await;
     page.until("document.querySelectorAll('.sequence').length > 5")
         .await;
-    assert!(page.number("document.querySelectorAll('.sequence').length").await < 40.0);
+    assert!(
+        page.number("document.querySelectorAll('.sequence').length")
+            .await
+            < 40.0
+    );
     // The worst one first, and the keyboard moves through that order.
     page.click("#worst-first").await;
     let errors = "[...document.querySelectorAll('.sequence')].sort((a, b) => a.ariaPosInSet - b.ariaPosInSet)\

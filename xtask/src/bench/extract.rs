@@ -1,4 +1,5 @@
-//! Extraction on the CPU, natively: the engine against ONNX Runtime, PyTorch eager and rten, by turns.
+//! Extraction on the CPU, natively: the engine against ONNX Runtime, PyTorch eager and rten, by
+//! turns.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -55,7 +56,11 @@ impl Run {
 /// `rounds` runs of every program with every number of threads.
 pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let peers = workspace.root().join("crate/benches/peers");
-    let onnx = setup::python(workspace, "onnxruntime", &peers.join("requirements-onnx.txt"))?;
+    let onnx = setup::python(
+        workspace,
+        "onnxruntime",
+        &peers.join("requirements-onnx.txt"),
+    )?;
     let torch = setup::python(workspace, "torch", &peers.join("requirements-torch.txt"))?;
     let made = TempDir::new().context("no folder for the encoders")?;
     let [tracklens, _] = programs(workspace)?;
@@ -87,7 +92,9 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
         let mut runs: [Vec<Run>; PROGRAMS.len()] = Default::default();
         for _ in 0..rounds {
             let mut python = run::command(&onnx);
-            python.arg(peers.join("extract_onnxruntime.py")).arg(made.path());
+            python
+                .arg(peers.join("extract_onnxruntime.py"))
+                .arg(made.path());
             let mut eager = run::command(&torch);
             eager.arg(peers.join("extract_torch.py"));
             let mut rust = run::command(&rten);
@@ -120,7 +127,8 @@ fn timed(command: &mut Command) -> Result<Run> {
     Ok(Run::parse(&run::output(command)?))
 }
 
-/// A table in Markdown: medians over the runs, and the medians of the ratios of runs that followed each other.
+/// A table in Markdown: medians over the runs, and the medians of the ratios of runs that followed
+/// each other.
 fn table(threads: usize, runs: &[Vec<Run>; PROGRAMS.len()]) -> Result<String> {
     let [ours, peers @ ..] = runs;
     let peak = median(ours.iter().filter_map(|run| run.peak).collect())?;
@@ -144,9 +152,13 @@ fn table(threads: usize, runs: &[Vec<Run>; PROGRAMS.len()]) -> Result<String> {
             let own = times(ours)?;
             let time = median(own.clone())?;
             let mflop = ours.first().and_then(|run| run.mflop.get(&name)).copied();
-            let gflops = mflop.with_context(|| format!("{name} has no number of operations"))? / time;
+            let gflops =
+                mflop.with_context(|| format!("{name} has no number of operations"))? / time;
             let share = 100.0 * gflops / (peak * threads as f64);
-            write!(table, "\n| {name} | {time:.2} | {gflops:.0} | {share:.0} % |")?;
+            write!(
+                table,
+                "\n| {name} | {time:.2} | {gflops:.0} | {share:.0} % |"
+            )?;
             for peer in peers {
                 let theirs = times(peer)?;
                 let ratios = own.iter().zip(&theirs).map(|(ours, theirs)| theirs / ours);
@@ -200,7 +212,8 @@ mod tests {
             ],
         )?;
         let row = table.lines().find(|line| line.starts_with("| basic 128"));
-        let expected = "| basic 128 | 1.00 | 100 | 200 % | 3.00 | 2.00 | 1.00 | 1.00 | 4.00 | 4.00 |";
+        let expected =
+            "| basic 128 | 1.00 | 100 | 200 % | 3.00 | 2.00 | 1.00 | 1.00 | 4.00 | 4.00 |";
         assert_eq!(row.context("a row")?, expected);
         let columns = |line: &str| line.matches('|').count();
         assert!(

@@ -28,7 +28,8 @@ const TABLES: [usize; 3] = [2500, 32, 3];
 /// Longer than any benchmark takes.
 const PATIENCE: Duration = Duration::from_secs(1800);
 
-/// The page is opened `rounds` times, each time with an empty cache, and as often frames are extracted with both.
+/// The page is opened `rounds` times, each time with an empty cache, and as often frames are
+/// extracted with both.
 pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let browser = setup::chromium()?;
     let node = setup::node()?;
@@ -174,10 +175,12 @@ fn visit(browser: &Path, server: &Server, path: &str) -> Result<Value> {
             .spawn()
             .with_context(|| format!("cannot start {}", browser.display()))?,
     );
-    let result = server
-        .results()
-        .recv_timeout(PATIENCE)
-        .with_context(|| format!("{path} found out nothing in {} minutes", PATIENCE.as_secs() / 60))?;
+    let result = server.results().recv_timeout(PATIENCE).with_context(|| {
+        format!(
+            "{path} found out nothing in {} minutes",
+            PATIENCE.as_secs() / 60
+        )
+    })?;
     let result: Value = serde_json::from_str(&result).context("the page sent no JSON")?;
     if let Some(error) = result["error"].as_str() {
         bail!("{path}: {error}");
@@ -187,8 +190,16 @@ fn visit(browser: &Path, server: &Server, path: &str) -> Result<Value> {
 
 /// A row: medians of the times, and what was sent until then.
 fn first_tc_line(what: &str, visits: &[Value], sent: &Sent, before: usize) -> Result<String> {
-    let times = |field: &str| median(visits.iter().filter_map(|visit| visit[field].as_f64()).collect());
-    let ours = |(path, _): &&(String, usize)| !path.starts_with("bench/") && !path.starts_with("made/");
+    let times = |field: &str| {
+        median(
+            visits
+                .iter()
+                .filter_map(|visit| visit[field].as_f64())
+                .collect(),
+        )
+    };
+    let ours =
+        |(path, _): &&(String, usize)| !path.starts_with("bench/") && !path.starts_with("made/");
     let weight = |sent: &[(String, usize)], example: bool| {
         let files = sent
             .iter()
@@ -260,8 +271,7 @@ mod tests {
     #[test]
     fn medians_and_ratios_of_pairs_are_told() -> Result<()> {
         let times = json!([[1.0, 4.0], [2.0, 6.0], [4.0, 8.0]]);
-        let result =
-            json!({ "cores": 2, "cases": [{ "name": "basic 128", "difference": 2e-6, "times": times }] });
+        let result = json!({ "cores": 2, "cases": [{ "name": "basic 128", "difference": 2e-6, "times": times }] });
         let lines = extraction_lines(&result)?;
         assert!(
             lines.ends_with("\n| basic 128 | 2.0 | 6.0 | 3.00 | 2.0e-6 |"),
@@ -273,9 +283,13 @@ mod tests {
 
     #[test]
     fn the_time_to_open_a_checkpoint_is_told() -> Result<()> {
-        let opened = json!({ "file": "keynet-256.pth", "mebibytes": 12.34, "times": [30.0, 10.0, 20.0] });
+        let opened =
+            json!({ "file": "keynet-256.pth", "mebibytes": 12.34, "times": [30.0, 10.0, 20.0] });
         let lines = checkpoint_lines(&json!({ "checkpoints": [opened] }))?;
-        assert!(lines.ends_with("\n| keynet-256.pth | 12.3 | 20 |"), "{lines}");
+        assert!(
+            lines.ends_with("\n| keynet-256.pth | 12.3 | 20 |"),
+            "{lines}"
+        );
         assert!(checkpoint_lines(&json!({})).is_err());
         Ok(())
     }
@@ -289,7 +303,8 @@ mod tests {
             ("example/w", 4096),
         ];
         let sent: Sent = sent.map(|(path, bytes)| (path.to_owned(), bytes)).to_vec();
-        let visit = json!({ "paint": 30.0, "interactive": 50.0, "milliseconds": 200.0, "longest": 60.0 });
+        let visit =
+            json!({ "paint": 30.0, "interactive": 50.0, "milliseconds": 200.0, "longest": 60.0 });
         let line = first_tc_line("the example", &[visit], &sent, 2)?;
         assert_eq!(line, "| the example | 30 | 50 | 1 | 200 | 3 | 4 | 60 |");
         Ok(())

@@ -78,7 +78,8 @@ fn write_runs(folder: &Path) -> Result<u64> {
     for (a, architecture) in ARCHITECTURES.iter().enumerate() {
         for seed in 0..RUNS {
             let folder = folder.join(architecture).join(format!("seed-{seed:02}"));
-            fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+            fs::create_dir_all(&folder)
+                .with_context(|| format!("cannot make {}", folder.display()))?;
             let summary = json!({
                 "version": env!("CARGO_PKG_VERSION"), "interrupted": false, "epochs": EPOCHS, "best_epoch": EPOCHS,
                 "seconds": 1.0, "last": null, "evaluation": null
@@ -90,7 +91,8 @@ fn write_runs(folder: &Path) -> Result<u64> {
             ] {
                 size += content.len() as u64;
                 let file = folder.join(name);
-                fs::write(&file, content).with_context(|| format!("cannot write {}", file.display()))?;
+                fs::write(&file, content)
+                    .with_context(|| format!("cannot write {}", file.display()))?;
             }
         }
     }
@@ -104,7 +106,8 @@ fn config(architecture: &str, seed: u64) -> Value {
         name if name.starts_with("keynet") => 30,
         _ => 16,
     };
-    let names = |range: std::ops::Range<u32>| range.map(|i| format!("seq_{i:04}")).collect::<Vec<_>>();
+    let names =
+        |range: std::ops::Range<u32>| range.map(|i| format!("seq_{i:04}")).collect::<Vec<_>>();
     json!({
         "version": env!("CARGO_PKG_VERSION"), "git_hash": null, "burn": "0.22.1", "target": "synthetic", "threads": 1,
         "sae": {
@@ -129,7 +132,10 @@ fn log(architecture: usize, seed: u64) -> String {
         (state >> 40) as f64 / f64::from(1_u32 << 24)
     };
     let drops: Vec<f64> = (0..3)
-        .map(|k| f64::from(EPOCHS) * (0.1 + random()) * (1.5 + f64::from(k)) / (1.0 + architecture as f64))
+        .map(|k| {
+            f64::from(EPOCHS) * (0.1 + random()) * (1.5 + f64::from(k))
+                / (1.0 + architecture as f64)
+        })
         .collect();
     let mut log = String::new();
     for epoch in 1..=EPOCHS {
@@ -185,7 +191,9 @@ fn timed(command: &mut Command) -> Result<(Duration, Option<u64>)> {
 
 /// Bytes of `VmHWM` in a process's status.
 fn high_water_mark(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kibibytes: u64 = line.trim().strip_suffix(" kB")?.trim().parse().ok()?;
     Some(kibibytes << 10)
 }
@@ -207,7 +215,8 @@ mod tests {
     fn a_log_has_a_line_an_epoch() {
         let log = log(0, 3);
         assert_eq!(log.lines().count(), EPOCHS as usize);
-        let last: Value = serde_json::from_str(log.lines().last().unwrap_or_default()).unwrap_or_default();
+        let last: Value =
+            serde_json::from_str(log.lines().last().unwrap_or_default()).unwrap_or_default();
         assert_eq!(last["epoch"], EPOCHS);
     }
 }

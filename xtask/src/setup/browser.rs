@@ -82,7 +82,8 @@ fn firefox(workspace: &Workspace) -> Result<PathBuf> {
         .join("bin")
         .join(format!("geckodriver{}", std::env::consts::EXE_SUFFIX));
     let version = |driver: &PathBuf| run::output(run::command(driver).arg("--version"));
-    let built = driver.exists() && version(&driver)?.starts_with(&format!("geckodriver {GECKODRIVER} "));
+    let built =
+        driver.exists() && version(&driver)?.starts_with(&format!("geckodriver {GECKODRIVER} "));
     if !built {
         let mut cargo = run::cargo();
         cargo
@@ -111,14 +112,22 @@ pub fn chromium() -> Result<PathBuf> {
         }
     };
     let driver_version = run::output(run::command(&driver).arg("--version"))?;
-    eprintln!("chromedriver: {} ({})", driver.display(), driver_version.trim());
+    eprintln!(
+        "chromedriver: {} ({})",
+        driver.display(),
+        driver_version.trim()
+    );
     if OS == "windows" {
         // There, `--version` opens a window.
         eprintln!("browser: {}", browser.display());
         return Ok(browser);
     }
     let browser_version = run::output(run::command(&browser).arg("--version"))?;
-    eprintln!("browser: {} ({})", browser.display(), browser_version.trim());
+    eprintln!(
+        "browser: {} ({})",
+        browser.display(),
+        browser_version.trim()
+    );
     if major(&browser_version) != major(&driver_version) {
         bail!(
             "the browser and chromedriver are of different versions ({} and {}); {}",
@@ -133,10 +142,14 @@ pub fn chromium() -> Result<PathBuf> {
 fn find() -> Option<(PathBuf, PathBuf)> {
     let on_path = NAMES.iter().find_map(|name| which::which(name).ok());
     let elsewhere = || PLACES.iter().map(PathBuf::from).find(|file| file.exists());
-    Some((on_path.or_else(elsewhere)?, which::which("chromedriver").ok()?))
+    Some((
+        on_path.or_else(elsewhere)?,
+        which::which("chromedriver").ok()?,
+    ))
 }
 
-/// The first part of the first word that starts with a digit: 156 of `Chromium 156.0.8078.79 built on …`.
+/// The first part of the first word that starts with a digit: 156 of `Chromium 156.0.8078.79 built
+/// on …`.
 fn major(version: &str) -> Option<u32> {
     let number = version
         .split_whitespace()

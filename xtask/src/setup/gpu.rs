@@ -14,7 +14,10 @@ const LAVAPIPE: Package = Package {
     elsewhere: &[
         ("dnf", "sudo dnf install mesa-vulkan-drivers vulkan-loader"),
         ("pacman", "sudo pacman -S vulkan-swrast vulkan-icd-loader"),
-        ("zypper", "sudo zypper install Mesa-vulkan-drivers libvulkan1"),
+        (
+            "zypper",
+            "sudo zypper install Mesa-vulkan-drivers libvulkan1",
+        ),
     ],
     otherwise: "or leave the tests of the GPU out (--skip-gpu)",
 };
@@ -22,8 +25,8 @@ const LAVAPIPE: Package = Package {
 /// Where distributions keep the descriptions of Vulkan drivers.
 const DRIVERS: [&str; 2] = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 
-/// The description of lavapipe for the Vulkan loader, after an installation if there is none. None where there is no lavapipe:
-/// macOS and Windows bring a driver of their own.
+/// The description of lavapipe for the Vulkan loader, after an installation if there is none. None
+/// where there is no lavapipe: macOS and Windows bring a driver of their own.
 ///
 /// # Errors
 /// It is missing and cannot be installed; says what to do.
@@ -45,7 +48,9 @@ pub fn lavapipe() -> Result<Option<PathBuf>> {
 }
 
 fn installed() -> Option<PathBuf> {
-    let entries = DRIVERS.iter().filter_map(|folder| fs::read_dir(folder).ok());
+    let entries = DRIVERS
+        .iter()
+        .filter_map(|folder| fs::read_dir(folder).ok());
     let drivers = entries.flat_map(|folder| folder.flatten().map(|entry| entry.path()));
     let is_lavapipe = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();

@@ -68,8 +68,8 @@ pub fn found(program: &str) -> bool {
     which::which(program).is_ok()
 }
 
-/// Installs or upgrades Debian packages, after the package lists were brought up to date: old lists name old
-/// versions.
+/// Installs or upgrades Debian packages, after the package lists were brought up to date: old lists
+/// name old versions.
 ///
 /// # Errors
 /// There is no apt-get, this process is not root's and `sudo` wants a password, or apt-get fails.

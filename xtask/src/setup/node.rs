@@ -1,4 +1,5 @@
-//! node, npm, and what comes from npm: wasm-opt, libraries of the page, and the peers of benchmarks.
+//! node, npm, and what comes from npm: wasm-opt, libraries of the page, and the peers of
+//! benchmarks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -110,7 +111,12 @@ pub fn node() -> Result<Node> {
 }
 
 fn major(version: &str) -> Option<u32> {
-    version.trim_start_matches('v').split('.').next()?.parse().ok()
+    version
+        .trim_start_matches('v')
+        .split('.')
+        .next()?
+        .parse()
+        .ok()
 }
 
 /// Binaryen's optimiser of wasm files.
@@ -138,7 +144,8 @@ pub fn wasm_opt(workspace: &Workspace) -> Result<WasmOpt> {
     Ok(WasmOpt { node, script })
 }
 
-/// Finds the pinned axe-core, which tests of the page look for barriers with, or installs it into the target directory.
+/// Finds the pinned axe-core, which tests of the page look for barriers with, or installs it into
+/// the target directory.
 ///
 /// # Errors
 /// As [`wasm_opt`].
@@ -171,9 +178,15 @@ pub fn page_libraries(workspace: &Workspace) -> Result<()> {
 
 /// The files of these libraries, as far as they are installed, by their path in the site.
 pub fn page_files(workspace: &Workspace) -> Vec<(&'static str, PathBuf)> {
-    let folder = workspace.tools().join(PAGE_LIBRARIES.name).join("node_modules");
+    let folder = workspace
+        .tools()
+        .join(PAGE_LIBRARIES.name)
+        .join("node_modules");
     let files = PAGE_FILES.map(|(place, file)| (place, folder.join(file)));
-    files.into_iter().filter(|(_, file)| file.is_file()).collect()
+    files
+        .into_iter()
+        .filter(|(_, file)| file.is_file())
+        .collect()
 }
 
 fn npm_ci(node: &Node, folder: &Path, packages: &Packages) -> Result<()> {

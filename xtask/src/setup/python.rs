@@ -23,13 +23,15 @@ const PYTHON: Package = Package {
     otherwise: "Python is at https://www.python.org",
 };
 
-/// The programs to try. The first one comes first, as PyBullet has ready wheels for it and is compiled by the others.
+/// The programs to try. The first one comes first, as PyBullet has ready wheels for it and is
+/// compiled by the others.
 const NAMES: [&str; 3] = ["python3.11", "python3", "python"];
 
 /// Ends with success where a virtual environment can be made.
 const USABLE: &str = "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))";
 
-/// The Python of a virtual environment with the pinned packages, made if it is not there or has others.
+/// The Python of a virtual environment with the pinned packages, made if it is not there or has
+/// others.
 ///
 /// # Errors
 /// Python is missing and cannot be installed, or pip cannot install the packages; says what to do.
@@ -55,16 +57,23 @@ pub fn python(workspace: &Workspace, name: &str, requirements: &Path) -> Result<
     )
     .context("no virtual environment")?;
     let mut pip = run::command(&python);
-    pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
-        .arg("--requirement")
-        .arg(requirements);
+    pip.args([
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+    ])
+    .arg("--requirement")
+    .arg(requirements);
     run::run(&mut pip).with_context(|| {
         format!(
             "the packages of {} are not installed; pip needs its package index",
             requirements.display()
         )
     })?;
-    fs::write(&installed, pinned).with_context(|| format!("cannot write {}", installed.display()))?;
+    fs::write(&installed, pinned)
+        .with_context(|| format!("cannot write {}", installed.display()))?;
     Ok(python)
 }
 

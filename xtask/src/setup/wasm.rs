@@ -1,5 +1,5 @@
-//! A Rust that builds for `wasm32-unknown-unknown`: the running toolchain with that target, or Debian's
-//! packages.
+//! A Rust that builds for `wasm32-unknown-unknown`: the running toolchain with that target, or
+//! Debian's packages.
 
 use std::env;
 use std::fs;
@@ -17,7 +17,8 @@ const TARGET: &str = "wasm32-unknown-unknown";
 /// Forces one of the two ways, `rustup` or `debian`.
 const CHOICE: &str = "TRACKLENS_WASM_TOOLCHAIN";
 
-/// Debian's Rust for browsers: it has the sources of the standard library, but no compiled one for wasm.
+/// Debian's Rust for browsers: it has the sources of the standard library, but no compiled one for
+/// wasm.
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy"];
 
 /// How to build for wasm.
@@ -94,7 +95,8 @@ fn with_rustup() -> Result<WasmToolchain> {
 
 fn running_has_target() -> Result<bool> {
     let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let folder = run::output(run::command(rustc).args(["--print=target-libdir", "--target", TARGET]))?;
+    let folder =
+        run::output(run::command(rustc).args(["--print=target-libdir", "--target", TARGET]))?;
     let Ok(entries) = fs::read_dir(folder.trim()) else {
         return Ok(false);
     };
@@ -153,8 +155,9 @@ struct DebianRust {
 impl DebianRust {
     fn installed() -> Result<Self> {
         let version = run::output(debian_command("/usr/bin/rustc").arg("-vV"))?;
-        Self::parsed(&version)
-            .with_context(|| format!("/usr/bin/rustc -vV names no release and LLVM version:\n{version}"))
+        Self::parsed(&version).with_context(|| {
+            format!("/usr/bin/rustc -vV names no release and LLVM version:\n{version}")
+        })
     }
 
     fn parsed(version: &str) -> Option<Self> {
@@ -195,7 +198,8 @@ impl WasmToolchain {
             }
             Self::Debian { linker, target } => {
                 let mut command = debian_command(match subcommand {
-                    // By its path: cargo would take the first one on the path, which may be rustup's.
+                    // By its path: cargo would take the first one on the path, which may be
+                    // rustup's.
                     "clippy" => "/usr/bin/cargo-clippy",
                     _ => "/usr/bin/cargo",
                 });
@@ -207,8 +211,13 @@ impl WasmToolchain {
                 command
             }
         };
-        // Those flags are meant for the native target; the ones for wasm are in `.cargo/config.toml`.
-        for native in ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_RUSTFLAGS"] {
+        // Those flags are meant for the native target; the ones for wasm are in
+        // `.cargo/config.toml`.
+        for native in [
+            "RUSTFLAGS",
+            "CARGO_ENCODED_RUSTFLAGS",
+            "CARGO_BUILD_RUSTFLAGS",
+        ] {
             command.env_remove(native);
         }
         command.args(["--target", TARGET]);

@@ -49,9 +49,11 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let description = bytes
         .get(HEADER..end)
         .ok_or_else(|| damaged(&"the description is cut"))?;
-    let (entries, metadata) =
-        describe(description).map_err(|_| damaged(&"the description is no CBOR of the kind burn writes"))?;
-    let data = bytes.get(end.next_multiple_of(ALIGNMENT)..).unwrap_or_default();
+    let (entries, metadata) = describe(description)
+        .map_err(|_| damaged(&"the description is no CBOR of the kind burn writes"))?;
+    let data = bytes
+        .get(end.next_multiple_of(ALIGNMENT)..)
+        .unwrap_or_default();
     let mut tensors = BTreeMap::new();
     for (name, entry) in entries {
         let element = match entry.dtype {
@@ -134,7 +136,9 @@ fn fields<'a>(
 
 fn sizes(cbor: &mut Decoder<'_>) -> Result<Vec<usize>, CborError> {
     cbor.array_iter::<u64>()?
-        .map(|size| usize::try_from(size?).map_err(|_| CborError::message("a size beyond this machine's")))
+        .map(|size| {
+            usize::try_from(size?).map_err(|_| CborError::message("a size beyond this machine's"))
+        })
         .collect()
 }
 
@@ -150,7 +154,9 @@ pub fn write(contents: &Contents) -> Result<Vec<u8>> {
     encode(contents, &ranges, &mut Encoder::new(&mut description))
         .map_err(|e| Error::input(format!("the checkpoint cannot be written: {e}")))?;
     let size = u32::try_from(description.len()).map_err(|_| {
-        Error::input("the checkpoint cannot be written: its description is longer than a .bpk file can hold")
+        Error::input(
+            "the checkpoint cannot be written: its description is longer than a .bpk file can hold",
+        )
     })?;
     let mut bytes = MAGIC.to_vec();
     bytes.extend(VERSION.to_le_bytes());
@@ -171,9 +177,15 @@ fn encode(
     ranges: &[(usize, usize)],
     cbor: &mut Encoder<&mut Vec<u8>>,
 ) -> Result<(), EncodeError> {
-    cbor.map(2)?.str("tensors")?.map(contents.tensors.len() as u64)?;
+    cbor.map(2)?
+        .str("tensors")?
+        .map(contents.tensors.len() as u64)?;
     for ((name, tensor), (start, end)) in contents.tensors.iter().zip(ranges) {
-        cbor.str(name)?.map(3)?.str("dtype")?.str("F32")?.str("shape")?;
+        cbor.str(name)?
+            .map(3)?
+            .str("dtype")?
+            .str("F32")?
+            .str("shape")?;
         cbor.array(tensor.shape.len() as u64)?;
         for side in &tensor.shape {
             cbor.u64(*side as u64)?;

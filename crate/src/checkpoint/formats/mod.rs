@@ -1,8 +1,9 @@
-//! The containers that weights come in, one file a format, behind one way in: bytes to tensors by name.
+//! The containers that weights come in, one file a format, behind one way in: bytes to tensors by
+//! name.
 //!
-//! All are read here rather than with `pytorch-reader` and `burn-pack`: those add 170 KB and 120 KB (gzipped) to
-//! the page's module, and neither tells the configuration that the authors save beside the weights. The tests hold
-//! these readers against them.
+//! All are read here rather than with `pytorch-reader` and `burn-pack`: those add 170 KB and 120 KB
+//! (gzipped) to the page's module, and neither tells the configuration that the authors save beside
+//! the weights. The tests hold these readers against them.
 
 mod burnpack;
 mod pickle;
@@ -37,7 +38,8 @@ impl Format {
     /// The format that a file has by its first bytes (as many as there are; 64 are enough).
     pub fn of(head: &[u8]) -> Option<Self> {
         if head.starts_with(b"PK\x03\x04") {
-            // The pickle is the first entry of what torch.save writes; other archives are something else.
+            // The pickle is the first entry of what torch.save writes; other archives are something
+            // else.
             let name = &head[head.len().min(30)..head.len().min(512)];
             let is_torch = name.windows(8).any(|part| part == b"data.pkl");
             return is_torch.then_some(Self::PyTorch);
@@ -71,8 +73,8 @@ impl std::fmt::Display for Format {
     }
 }
 
-/// The tensors of a file of any [`Format`], whatever network they belong to, as f32. Counters are left out, and so is
-/// the prefix that a wrapper such as `DataParallel` puts before every name.
+/// The tensors of a file of any [`Format`], whatever network they belong to, as f32. Counters are
+/// left out, and so is the prefix that a wrapper such as `DataParallel` puts before every name.
 ///
 /// # Errors
 /// When the file is of another format, damaged, or holds a tensor that cannot be represented.
@@ -88,8 +90,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Contents> {
         None => return Err(unknown(bytes)),
     };
     for prefix in ["module.", "_orig_mod."] {
-        if !contents.tensors.is_empty() && contents.tensors.keys().all(|name| name.starts_with(prefix)) {
-            let strip = |(name, tensor): (String, Tensor)| (name[prefix.len()..].to_owned(), tensor);
+        if !contents.tensors.is_empty()
+            && contents.tensors.keys().all(|name| name.starts_with(prefix))
+        {
+            let strip =
+                |(name, tensor): (String, Tensor)| (name[prefix.len()..].to_owned(), tensor);
             contents.tensors = contents.tensors.into_iter().map(strip).collect();
         }
     }
@@ -147,7 +152,9 @@ impl Element {
 
     fn read(self, bytes: &[u8]) -> f32 {
         match (self, bytes) {
-            (Self::F64, &[a, b, c, d, e, f, g, h]) => f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32,
+            (Self::F64, &[a, b, c, d, e, f, g, h]) => {
+                f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32
+            }
             (Self::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
             (Self::F16, &[a, b]) => half::f16::from_le_bytes([a, b]).to_f32(),
             (Self::Bf16, &[a, b]) => half::bf16::from_le_bytes([a, b]).to_f32(),
@@ -157,7 +164,10 @@ impl Element {
 
     /// The values of little-endian `bytes`, which are a whole number of elements.
     fn floats(self, bytes: &[u8]) -> Vec<f32> {
-        bytes.chunks_exact(self.size()).map(|b| self.read(b)).collect()
+        bytes
+            .chunks_exact(self.size())
+            .map(|b| self.read(b))
+            .collect()
     }
 }
 
@@ -174,5 +184,7 @@ fn not_float(name: &str, found: &dyn std::fmt::Display) -> Error {
 
 /// The number of elements of a shape.
 fn count(shape: &[usize]) -> Option<usize> {
-    shape.iter().try_fold(1usize, |n, side| n.checked_mul(*side))
+    shape
+        .iter()
+        .try_fold(1usize, |n, side| n.checked_mul(*side))
 }

@@ -1,7 +1,7 @@
 //! Python's pickle as far as `torch.save` goes: read without calling anything.
 //!
-//! Classes and functions stay names, and what they would make of their arguments stays name and arguments, so that a
-//! file can neither run code nor fail because a class is not known here.
+//! Classes and functions stay names, and what they would make of their arguments stays name and
+//! arguments, so that a file can neither run code nor fail because a class is not known here.
 
 use std::collections::HashMap;
 
@@ -126,7 +126,8 @@ impl Pickle {
         }
     }
 
-    /// A value as JSON, OmegaConf's containers as what they contain; `None` when it is larger than a configuration.
+    /// A value as JSON, OmegaConf's containers as what they contain; `None` when it is larger than
+    /// a configuration.
     pub fn json(&self, id: Id) -> Option<Value> {
         let mut left = 20_000;
         self.json_within(id, 64, &mut left)
@@ -161,7 +162,8 @@ impl Pickle {
             }
             Node::Global(name) => name.as_str().into(),
             Node::Object { class, state, .. } => {
-                let inner = state.and_then(|state| self.get(state, "_content").or(self.get(state, "_val")));
+                let inner =
+                    state.and_then(|state| self.get(state, "_content").or(self.get(state, "_val")));
                 match inner {
                     Some(inner) => self.json_within(inner, depth, left)?,
                     None => class.as_str().into(),
@@ -172,7 +174,8 @@ impl Pickle {
     }
 }
 
-/// The stack machine that a pickle is a program for. `None` from any of its steps: the program makes no sense.
+/// The stack machine that a pickle is a program for. `None` from any of its steps: the program
+/// makes no sense.
 struct Machine<'a> {
     input: &'a [u8],
     position: usize,
@@ -185,7 +188,9 @@ struct Machine<'a> {
 
 impl<'a> Machine<'a> {
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let taken = self.input.get(self.position..self.position.checked_add(count)?)?;
+        let taken = self
+            .input
+            .get(self.position..self.position.checked_add(count)?)?;
         self.position += count;
         Some(taken)
     }
@@ -296,7 +301,8 @@ impl<'a> Machine<'a> {
     /// What a class or function makes of arguments: containers and parameters are what they hold.
     fn make(&mut self) -> Option<()> {
         let (arguments, class) = (self.stack.pop()?, self.stack.pop()?);
-        let (Node::Global(class), Node::List(items)) = (&self.nodes[class], &self.nodes[arguments]) else {
+        let (Node::Global(class), Node::List(items)) = (&self.nodes[class], &self.nodes[arguments])
+        else {
             self.push(Node::Other);
             return Some(());
         };
@@ -379,7 +385,8 @@ impl<'a> Machine<'a> {
                     let length = self.u64()?;
                     self.push_other(length)?;
                 }
-                // EMPTY_LIST, EMPTY_TUPLE, EMPTY_SET; TUPLE, LIST, FROZENSET; TUPLE1, TUPLE2, TUPLE3
+                // EMPTY_LIST, EMPTY_TUPLE, EMPTY_SET; TUPLE, LIST, FROZENSET; TUPLE1, TUPLE2,
+                // TUPLE3
                 b']' | b')' | 0x8f => self.push(Node::List(Vec::new())),
                 b't' | b'l' | 0x91 => {
                     let items = self.since_mark()?;
@@ -417,7 +424,8 @@ impl<'a> Machine<'a> {
                 }
                 0x93 => {
                     let (name, module) = (self.stack.pop()?, self.stack.pop()?);
-                    let (Node::Text(name), Node::Text(module)) = (&self.nodes[name], &self.nodes[module])
+                    let (Node::Text(name), Node::Text(module)) =
+                        (&self.nodes[name], &self.nodes[module])
                     else {
                         return None;
                     };

@@ -1,10 +1,12 @@
-//! What `torch.save` writes: a ZIP archive of stored entries, `…/data.pkl` with everything but the numbers of the
-//! tensors, which are in `…/data/0` and so on.
+//! What `torch.save` writes: a ZIP archive of stored entries, `…/data.pkl` with everything but the
+//! numbers of the tensors, which are in `…/data/0` and so on.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write as _;
 
-use rawzip::{CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipArchiveWriter, ZipSliceArchive};
+use rawzip::{
+    CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipArchiveWriter, ZipSliceArchive,
+};
 
 use super::pickle::{Id, Node, Pickle};
 use super::{Contents, Element, count, is_counter, not_float};
@@ -36,10 +38,13 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let pickle = Pickle::read(stored)?;
     let weights = weights(&pickle)?;
     let mut tensors = BTreeMap::new();
-    // Several tensors may lie in the same bytes, so that a small file could ask for any amount of memory.
+    // Several tensors may lie in the same bytes, so that a small file could ask for any amount of
+    // memory.
     let mut left = bytes.len().saturating_mul(8);
     for (key, value) in pickle.entries(weights) {
-        let Some(name) = pickle.text(*key) else { continue };
+        let Some(name) = pickle.text(*key) else {
+            continue;
+        };
         if is_counter(name) {
             continue;
         }
@@ -57,7 +62,9 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let mut metadata = BTreeMap::new();
     if weights != pickle.root() {
         for (key, value) in pickle.entries(pickle.root()) {
-            let Some(name) = pickle.text(*key) else { continue };
+            let Some(name) = pickle.text(*key) else {
+                continue;
+            };
             if *value == weights || STATES.iter().any(|state| name.contains(state)) {
                 continue;
             }
@@ -124,7 +131,10 @@ struct View<'a> {
 impl<'a> View<'a> {
     /// `None` for what is no tensor.
     fn of(pickle: &'a Pickle, id: Id, name: &str) -> Result<Option<Self>> {
-        let Node::Object { class, arguments, .. } = pickle.node(id) else {
+        let Node::Object {
+            class, arguments, ..
+        } = pickle.node(id)
+        else {
             return Ok(None);
         };
         if !is_tensor(class) {
@@ -224,7 +234,10 @@ impl View<'_> {
                 place = place.checked_add(i.checked_mul(*stride)?)?;
             }
             let start = place.checked_mul(size)?;
-            data.push(self.element.read(stored.get(start..start.checked_add(size)?)?));
+            data.push(
+                self.element
+                    .read(stored.get(start..start.checked_add(size)?)?),
+            );
             for (i, side) in index.iter_mut().zip(&self.shape).rev() {
                 *i += 1;
                 if *i < *side {
@@ -302,13 +315,12 @@ impl<'a> Archive<'a> {
                  with torch.save"
             )));
         }
-        let found = self
-            .zip
-            .get_entry(entry.place)
-            .map_err(|e| Error::input(format!("the archive's entry `{name}` cannot be read: {e}")))?;
+        let found = self.zip.get_entry(entry.place).map_err(|e| {
+            Error::input(format!("the archive's entry `{name}` cannot be read: {e}"))
+        })?;
         let bytes = found.data();
-        // torch.save can be told to leave the sums out; they are 0 then. (rawzip's own sum would bring 16 KB of tables
-        // into the page; the PNG decoder brings these anyway.)
+        // torch.save can be told to leave the sums out; they are 0 then. (rawzip's own sum would
+        // bring 16 KB of tables into the page; the PNG decoder brings these anyway.)
         if entry.crc32 != 0 && crc32fast::hash(bytes) != entry.crc32 {
             return Err(Error::input(format!(
                 "the archive's entry `{name}` does not have the sum it was written with; the file is damaged: copy it again"
@@ -318,8 +330,8 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// A dictionary of the metadata's texts and `model_state_dict`, as `torch.save` would write it; `torch.load` takes it
-/// with `weights_only`.
+/// A dictionary of the metadata's texts and `model_state_dict`, as `torch.save` would write it;
+/// `torch.load` takes it with `weights_only`.
 pub fn write(contents: &Contents) -> Result<Vec<u8>> {
     let failed = |e: rawzip::Error| Error::input(format!("the checkpoint cannot be written: {e}"));
     let mut bytes = Vec::new();

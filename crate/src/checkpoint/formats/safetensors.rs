@@ -43,14 +43,16 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
 }
 
 pub fn write(contents: &Contents) -> Result<Vec<u8>> {
-    let failed = |e: &dyn std::fmt::Display| Error::input(format!("the checkpoint cannot be written: {e}"));
+    let failed =
+        |e: &dyn std::fmt::Display| Error::input(format!("the checkpoint cannot be written: {e}"));
     let metadata: HashMap<String, String> = contents.metadata.clone().into_iter().collect();
-    let bytes = safetensors::serialize(&contents.tensors, Some(metadata)).map_err(|e| failed(&e))?;
+    let bytes =
+        safetensors::serialize(&contents.tensors, Some(metadata)).map_err(|e| failed(&e))?;
     sorted(&bytes).map_err(|e| failed(&e))
 }
 
-/// The same file with its header in alphabetical order: `safetensors` writes the metadata in the random order of a hash
-/// map, and equal checkpoints have to be equal files.
+/// The same file with its header in alphabetical order: `safetensors` writes the metadata in the
+/// random order of a hash map, and equal checkpoints have to be equal files.
 fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
     const LENGTH: usize = size_of::<u64>();
     let (length, rest) = bytes.split_at(LENGTH);

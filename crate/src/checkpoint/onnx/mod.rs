@@ -17,10 +17,12 @@ const INT64: i32 = 7;
 impl Checkpoint {
     /// The encoder as an ONNX model (operator set 17).
     ///
-    /// The input `image` is batch x 3 x height x width, RGB in [0, 1]; batch is free, and so are height and width unless
-    /// the configuration fixes the input size. Of the outputs, `keypoints` is batch x N x 2: (x, y) in the latent space, as
-    /// `tracklens extract` writes them; `keypoints_ndc` is the same points placed in the image, -1 and +1 at its outer
-    /// edges. The model's metadata holds the configuration under `tracklens.config` and the checkpoint's own metadata.
+    /// The input `image` is batch x 3 x height x width, RGB in [0, 1]; batch is free, and so are
+    /// height and width unless the configuration fixes the input size. Of the outputs, `keypoints`
+    /// is batch x N x 2: (x, y) in the latent space, as `tracklens extract` writes them;
+    /// `keypoints_ndc` is the same points placed in the image, -1 and +1 at its outer edges. The
+    /// model's metadata holds the configuration under `tracklens.config` and the checkpoint's own
+    /// metadata.
     ///
     /// # Errors
     /// When a tensor is missing.
@@ -88,18 +90,22 @@ impl Checkpoint {
         let mut last = "image".to_owned();
         for layer in self.config.encoder_layers() {
             let name = &layer.name;
-            let mut add =
-                |builder: &mut Builder, suffix: &str, op: &str, more: Vec<String>, with: Vec<Attribute>| {
-                    let inputs = [vec![last.clone()], more].concat();
-                    last = builder.node(op, &inputs, format!("{name}{suffix}"), with);
-                };
+            let mut add = |builder: &mut Builder,
+                           suffix: &str,
+                           op: &str,
+                           more: Vec<String>,
+                           with: Vec<Attribute>| {
+                let inputs = [vec![last.clone()], more].concat();
+                last = builder.node(op, &inputs, format!("{name}{suffix}"), with);
+            };
             let mut weights = Vec::new();
             let bias = layer.norm.is_none().then_some("bias");
             for part in ["weight"].into_iter().chain(bias) {
                 let tensor = format!("{name}.{part}");
                 weights.push(builder.weight(&tensor, self.tensor(&tensor)?));
             }
-            let [kernel, stride, padding] = [layer.kernel, layer.stride, layer.padding].map(|v| v as i64);
+            let [kernel, stride, padding] =
+                [layer.kernel, layer.stride, layer.padding].map(|v| v as i64);
             let window = |kernel, stride, padding| {
                 vec![
                     ints("kernel_shape", &[kernel; 2]),
@@ -107,7 +113,13 @@ impl Checkpoint {
                     ints("pads", &[padding; 4]),
                 ]
             };
-            add(builder, "", "Conv", weights, window(kernel, stride, padding));
+            add(
+                builder,
+                "",
+                "Conv",
+                weights,
+                window(kernel, stride, padding),
+            );
             if layer.pool {
                 add(builder, ".pool", "MaxPool", Vec::new(), window(2, 2, 1));
             }
@@ -141,7 +153,13 @@ struct Builder {
 }
 
 impl Builder {
-    fn node(&mut self, op: &str, inputs: &[String], name: String, attribute: Vec<Attribute>) -> String {
+    fn node(
+        &mut self,
+        op: &str,
+        inputs: &[String],
+        name: String,
+        attribute: Vec<Attribute>,
+    ) -> String {
         self.nodes.push(Node {
             input: inputs.to_vec(),
             output: vec![name.clone()],
@@ -158,7 +176,13 @@ impl Builder {
         self.node(op, &inputs, name.to_owned(), Vec::new())
     }
 
-    fn constant(&mut self, name: &str, data_type: i32, dims: Vec<i64>, raw_data: Vec<u8>) -> String {
+    fn constant(
+        &mut self,
+        name: &str,
+        data_type: i32,
+        dims: Vec<i64>,
+        raw_data: Vec<u8>,
+    ) -> String {
         self.constants.push(proto::Tensor {
             dims,
             data_type,
@@ -183,8 +207,8 @@ impl Builder {
         self.constant(name, INT64, vec![values.len() as i64], bytes)
     }
 
-    /// The expected position under the softmax of every map, in the latent space and in the image. `first` and `step` say
-    /// at which pixel the first cell of a map is and how far the next one.
+    /// The expected position under the softmax of every map, in the latent space and in the image.
+    /// `first` and `step` say at which pixel the first cell of a map is and how far the next one.
     fn add_soft_argmax(&mut self, maps: &str, temperature: &str, [first, step]: [f64; 2]) {
         let cells = self.ints("cells", &[0, 0, -1]);
         let flat = self.plain("Reshape", &[maps, &cells], "flat");
@@ -229,7 +253,8 @@ impl Builder {
                 name.to_owned(),
                 vec![int("keepdims", 1)],
             );
-            // Pixel p of W is at (2 p + 1) / W - 1, and latent z at pixel first + step (cells - 1) (z + 1) / 2.
+            // Pixel p of W is at (2 p + 1) / W - 1, and latent z at pixel first + step (cells - 1)
+            // (z + 1) / 2.
             let from_first = self.plain("Add", &[&latent, "one"], &named("from_first"));
             let pixels = self.plain("Mul", &["cell_step", &steps], &named("pixels"));
             let offset = self.plain("Mul", &[&from_first, &pixels], &named("offset"));
@@ -247,9 +272,19 @@ impl Builder {
     /// The extent of `tensor` along `axis` as a number.
     fn side(&mut self, tensor: &str, axis: i64, name: &str) -> String {
         let attributes = vec![int("start", axis), int("end", axis + 1)];
-        let shape = self.node("Shape", &[tensor.to_owned()], format!("{name}.shape"), attributes);
+        let shape = self.node(
+            "Shape",
+            &[tensor.to_owned()],
+            format!("{name}.shape"),
+            attributes,
+        );
         let number = self.plain("Squeeze", &[&shape], &format!("{name}.number"));
-        self.node("Cast", &[number], name.to_owned(), vec![int("to", FLOAT.into())])
+        self.node(
+            "Cast",
+            &[number],
+            name.to_owned(),
+            vec![int("to", FLOAT.into())],
+        )
     }
 }
 

@@ -60,7 +60,11 @@ pub fn read(text: &str) -> Result<Raw> {
         .iter()
         .map(|category| (category.id.to_string(), category))
         .collect();
-    let with_keypoints = file.categories.iter().filter(|c| !c.keypoints.is_empty()).count();
+    let with_keypoints = file
+        .categories
+        .iter()
+        .filter(|c| !c.keypoints.is_empty())
+        .count();
     let mut notices = Vec::new();
     let mut without = 0;
     let mut sequences = Sequences::default();
@@ -115,7 +119,10 @@ pub fn read(text: &str) -> Result<Raw> {
             .zip(image.height)
             .map(|(width, height)| [width, height]);
         if image_size.is_some_and(|size| size.contains(&0)) {
-            return Err(wrong(format!("its image `{}` has a side of 0", image.file_name)));
+            return Err(wrong(format!(
+                "its image `{}` has a side of 0",
+                image.file_name
+            )));
         }
         for (k, point) in keypoints.chunks_exact(3).enumerate() {
             let mut name = names.get(k).cloned().unwrap_or_else(|| k.to_string());
@@ -149,7 +156,9 @@ pub fn read(text: &str) -> Result<Raw> {
         ));
     }
     if without > 0 {
-        notices.push(format!("{without} annotations without keypoints are left out"));
+        notices.push(format!(
+            "{without} annotations without keypoints are left out"
+        ));
     }
     Ok(Raw {
         layout: Layout::Coco,
@@ -160,7 +169,8 @@ pub fn read(text: &str) -> Result<Raw> {
     })
 }
 
-/// The sequence and the number of a frame by the name of its file: the folder, and the last number in the name.
+/// The sequence and the number of a frame by the name of its file: the folder, and the last number
+/// in the name.
 fn place(file_name: &str) -> Result<(&str, u64), String> {
     let mut parts = file_name.rsplit(['/', '\\']);
     let file = parts.next().unwrap_or_default();

@@ -1,8 +1,9 @@
-//! DeepLabCut's CSV: labels (`CollectedData_….csv`) and analyses of videos, of one animal or several.
+//! DeepLabCut's CSV: labels (`CollectedData_….csv`) and analyses of videos, of one animal or
+//! several.
 //!
-//! The header has the rows `scorer`, `individuals` (several animals only), `bodyparts` and `coords`. A row of labels begins with
-//! the path of its image, `labeled-data/VIDEO/img0001.png`, in one field or in three; a row of an analysis with
-//! the number of its frame.
+//! The header has the rows `scorer`, `individuals` (several animals only), `bodyparts` and
+//! `coords`. A row of labels begins with the path of its image, `labeled-data/VIDEO/img0001.png`,
+//! in one field or in three; a row of an analysis with the number of its frame.
 
 use super::delimited::{Delimited, coordinate, wrong_field};
 use super::{Layout, Raw, Row, Sequences};
@@ -32,7 +33,11 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
             }
         }
     };
-    let row = |name: &str| rows_of_header.iter().find(|record| record.get(0) == Some(name));
+    let row = |name: &str| {
+        rows_of_header
+            .iter()
+            .find(|record| record.get(0) == Some(name))
+    };
     let Some(bodyparts) = row("bodyparts") else {
         return Err(Error::input("the header has no row `bodyparts`"));
     };
@@ -107,10 +112,16 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     let mut rows = Vec::new();
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
-        let path: Vec<&str> = (0..first).flat_map(|i| field(i).split(['/', '\\'])).collect();
+        let path: Vec<&str> = (0..first)
+            .flat_map(|i| field(i).split(['/', '\\']))
+            .collect();
         let wrong = |message: String| wrong_field(line, "scorer", message);
         let (sequence, frame) = match path.as_slice() {
-            [number] if number.parse::<f64>().is_ok_and(|n| n >= 0.0 && n.fract() == 0.0) => {
+            [number]
+                if number
+                    .parse::<f64>()
+                    .is_ok_and(|n| n >= 0.0 && n.fract() == 0.0) =>
+            {
                 let number: f64 = number.parse().unwrap_or_default();
                 (video, number as u64)
             }
@@ -132,7 +143,11 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         let sequence = sequences.number(sequence).map_err(wrong)?;
         for (point, [x, y]) in columns.iter().enumerate() {
             let at = |column: usize| {
-                let name = format!("{} {}", points[point].0, coords.get(column).unwrap_or_default());
+                let name = format!(
+                    "{} {}",
+                    points[point].0,
+                    coords.get(column).unwrap_or_default()
+                );
                 coordinate(field(column)).map_err(|message| wrong_field(line, &name, message))
             };
             rows.push(Row {

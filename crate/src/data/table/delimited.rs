@@ -44,7 +44,8 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
         reader,
         notices,
     };
-    // The names of the sequence and of its video are what the files are called, where the table does not say.
+    // The names of the sequence and of its video are what the files are called, where the table
+    // does not say.
     let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
     match layout(&table.header) {
@@ -76,7 +77,11 @@ impl Delimited<'_> {
     /// When it has another number of fields than the header.
     pub fn next(&mut self) -> Result<Option<(csv::StringRecord, u64)>> {
         let mut record = csv::StringRecord::new();
-        if !self.reader.read_record(&mut record).map_err(|e| unreadable(&e))? {
+        if !self
+            .reader
+            .read_record(&mut record)
+            .map_err(|e| unreadable(&e))?
+        {
             return Ok(None);
         }
         let line = record.position().map_or(0, csv::Position::line);

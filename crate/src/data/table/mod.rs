@@ -3,15 +3,17 @@
 //! - *tidy*: one row a point; ground truth has the columns `sequence,frame,object,x,y`, keypoints
 //!   `sequence,frame,keypoint,x,y`;
 //! - *wide*: one row a frame, two columns a point, `cube_x,cube_y`;
-//! - *DeepLabCut*: CSV with three header rows (`scorer`, `bodyparts`, `coords`) or four (`individuals` as well), of labels
-//!   or of an analysis;
+//! - *DeepLabCut*: CSV with three header rows (`scorer`, `bodyparts`, `coords`) or four
+//!   (`individuals` as well), of labels or of an analysis;
 //! - *COCO*: JSON with `images`, `annotations` and their `keypoints`, and `categories`.
 //!
-//! Columns may come in any order, further ones are ignored and reported. Comma, semicolon and tab separate; a byte
-//! order mark and CRLF are accepted. A point with empty (or `nan`) x and y, or without a row, is not visible.
+//! Columns may come in any order, further ones are ignored and reported. Comma, semicolon and tab
+//! separate; a byte order mark and CRLF are accepted. A point with empty (or `nan`) x and y, or
+//! without a row, is not visible.
 //!
-//! The result is in ndc. Positions in pixels have the centre of the first pixel at (0, 0), as everywhere here
-//! (see [`track`](crate::track)); they need the size of the images, which only COCO files have.
+//! The result is in ndc. Positions in pixels have the centre of the first pixel at (0, 0), as
+//! everywhere here (see [`track`](crate::track)); they need the size of the images, which only COCO
+//! files have.
 
 mod coco;
 mod deeplabcut;
@@ -72,7 +74,10 @@ impl<T> Known<T> {
                 value,
                 by: Ground::Said,
             },
-            None => Self { value: otherwise, by },
+            None => Self {
+                value: otherwise,
+                by,
+            },
         }
     }
 }
@@ -125,7 +130,9 @@ impl FromStr for Space {
         match text {
             "ndc" => Ok(Self::Ndc),
             "px" => Ok(Self::Pixels),
-            _ => Err(Error::input(format!("`{text}` is no space; expected ndc or px"))),
+            _ => Err(Error::input(format!(
+                "`{text}` is no space; expected ndc or px"
+            ))),
         }
     }
 }
@@ -223,15 +230,25 @@ enum Content {
     Keypoints,
 }
 
-/// Parses a ground-truth table. `name` is the file's, for messages, and of the sequence where the table has none.
+/// Parses a ground-truth table. `name` is the file's, for messages, and of the sequence where the
+/// table has none.
 ///
 /// # Errors
-/// When the layout is none of those known, a field is not what it should be, a point stands twice, there is no point, or
-/// positions are in pixels of unknown images; the message gives line and column.
-pub fn parse_ground_truth(bytes: &[u8], name: &str, options: &TableOptions) -> Result<Table<GroundTruth>> {
+/// When the layout is none of those known, a field is not what it should be, a point stands twice,
+/// there is no point, or positions are in pixels of unknown images; the message gives line and
+/// column.
+pub fn parse_ground_truth(
+    bytes: &[u8],
+    name: &str,
+    options: &TableOptions,
+) -> Result<Table<GroundTruth>> {
     let read = || {
         let (raw, reading) = read(bytes, name, Content::GroundTruth, options)?;
-        if let Some(row) = raw.rows.iter().find(|r| r.xy.iter().any(|v| v.is_infinite())) {
+        if let Some(row) = raw
+            .rows
+            .iter()
+            .find(|r| r.xy.iter().any(|v| v.is_infinite()))
+        {
             return Err(Error::input(format!(
                 "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
                 row.xy[0], row.xy[1]
@@ -254,12 +271,16 @@ pub fn parse_ground_truth(bytes: &[u8], name: &str, options: &TableOptions) -> R
     read().map_err(|e: Error| e.at(name))
 }
 
-/// Parses a keypoint table; keypoints are counted from 0, in the order of the columns where they have names. `name` is the
-/// file's.
+/// Parses a keypoint table; keypoints are counted from 0, in the order of the columns where they
+/// have names. `name` is the file's.
 ///
 /// # Errors
 /// As [`parse_ground_truth`]; also when the keypoints of a tidy table are not numbered 0 to N - 1.
-pub fn parse_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+pub fn parse_keypoints(
+    bytes: &[u8],
+    name: &str,
+    options: &TableOptions,
+) -> Result<Table<KeypointTrack>> {
     let read = || {
         let (raw, reading) = read(bytes, name, Content::Keypoints, options)?;
         let count = raw.points.len();
@@ -275,7 +296,10 @@ pub fn parse_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Resu
             )));
         }
         let (keys, points, mut notices) = arrange(&raw, |n| format!("keypoint {n}"))?;
-        notices.extend(point_notices(&points, "keypoints are missing or not finite"));
+        notices.extend(point_notices(
+            &points,
+            "keypoints are missing or not finite",
+        ));
         let content = KeypointTrack::new(keys, points)?;
         Ok(Table {
             content,
@@ -287,7 +311,12 @@ pub fn parse_keypoints(bytes: &[u8], name: &str, options: &TableOptions) -> Resu
 }
 
 /// Reads a table of any layout, in ndc.
-fn read(bytes: &[u8], name: &str, content: Content, options: &TableOptions) -> Result<(Raw, Reading)> {
+fn read(
+    bytes: &[u8],
+    name: &str,
+    content: Content,
+    options: &TableOptions,
+) -> Result<(Raw, Reading)> {
     let text = decode(bytes)?;
     let mut raw = match text.trim_start().starts_with('{') {
         true => coco::read(text)?,
@@ -316,8 +345,11 @@ fn read(bytes: &[u8], name: &str, content: Content, options: &TableOptions) -> R
     let base = reading.index_base.value;
     for row in &mut raw.rows {
         row.frame = row.frame.checked_sub(base).ok_or_else(|| {
-            Error::input(format!("the frame {}; expected frames from {base}", row.frame))
-                .at(format!("line {}", row.line))
+            Error::input(format!(
+                "the frame {}; expected frames from {base}",
+                row.frame
+            ))
+            .at(format!("line {}", row.line))
         })?;
     }
     if reading.space.value == Space::Pixels {
@@ -368,7 +400,8 @@ impl Reading {
     }
 }
 
-/// How many points are missing, in the words of `missing`, and what looks like another unit than ndc.
+/// How many points are missing, in the words of `missing`, and what looks like another unit than
+/// ndc.
 pub(super) fn point_notices(points: &Array3<f64>, missing: &str) -> Vec<String> {
     let hidden: usize = points.outer_iter().map(|frame| hidden(&frame)).sum();
     let (frames, count, _) = points.dim();
@@ -409,14 +442,18 @@ pub fn keypoints_csv(track: &KeypointTrack) -> String {
         let sequence = quote_csv(&key.sequence);
         for (n, point) in points.rows().into_iter().enumerate() {
             // Writing to a String cannot fail.
-            let _ = writeln!(out, "{sequence},{},{n},{},{}", key.frame, point[0], point[1]);
+            let _ = writeln!(
+                out,
+                "{sequence},{},{n},{},{}",
+                key.frame, point[0], point[1]
+            );
         }
     }
     out
 }
 
-/// A ground-truth table as CSV, with every digit needed to read the same numbers again; x and y are empty where an
-/// object is not visible.
+/// A ground-truth table as CSV, with every digit needed to read the same numbers again; x and y are
+/// empty where an object is not visible.
 pub fn ground_truth_csv(truth: &GroundTruth) -> String {
     use std::fmt::Write as _;
     let mut out = String::from("sequence,frame,object,x,y\n");
@@ -426,7 +463,11 @@ pub fn ground_truth_csv(truth: &GroundTruth) -> String {
             let name = quote_csv(name);
             // Writing to a String cannot fail.
             let _ = match point.iter().all(|v| v.is_finite()) {
-                true => writeln!(out, "{sequence},{},{name},{},{}", key.frame, point[0], point[1]),
+                true => writeln!(
+                    out,
+                    "{sequence},{},{name},{},{}",
+                    key.frame, point[0], point[1]
+                ),
                 false => writeln!(out, "{sequence},{},{name},,", key.frame),
             };
         }
@@ -448,7 +489,8 @@ fn hidden(points: &ndarray::ArrayView2<f64>) -> usize {
     points.rows().into_iter().filter(|p| unseen(p)).count()
 }
 
-/// The points as T x P x 2 in the order of sequence (natural) and frame, NaN where no row gives one.
+/// The points as T x P x 2 in the order of sequence (natural) and frame, NaN where no row gives
+/// one.
 fn arrange(
     table: &Raw,
     name_of: impl Fn(usize) -> String,
@@ -515,7 +557,11 @@ fn decode(bytes: &[u8]) -> Result<&str> {
         return Err(Error::input("not a text file; expected a CSV table"));
     }
     std::str::from_utf8(bytes).map_err(|e| {
-        let line = bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() + 1;
+        let line = bytes[..e.valid_up_to()]
+            .iter()
+            .filter(|b| **b == b'\n')
+            .count()
+            + 1;
         Error::input("not valid UTF-8; save the table as \"CSV UTF-8\" and try again")
             .at(format!("line {line}"))
     })

@@ -27,7 +27,11 @@ impl Points {
                 self.names.push(text.to_owned());
                 self.names.len() - 1
             })),
-            Content::Keypoints => match text.parse::<u64>().ok().and_then(|n| n.checked_sub(self.base)) {
+            Content::Keypoints => match text
+                .parse::<u64>()
+                .ok()
+                .and_then(|n| n.checked_sub(self.base))
+            {
                 Some(n) if n < MAX_KEYPOINTS => {
                     let n = n as usize;
                     for missing in self.names.len()..=n {
@@ -84,13 +88,17 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         .filter(|h| !columns.iter().any(|c| h.eq_ignore_ascii_case(c)))
         .collect();
     if !ignored.is_empty() {
-        table.notices.push(format!("ignored: {}", quote_list(&ignored)));
+        table
+            .notices
+            .push(format!("ignored: {}", quote_list(&ignored)));
     }
     if let Some(twice) = columns
         .iter()
         .find(|c| header.iter().filter(|h| h.eq_ignore_ascii_case(c)).count() > 1)
     {
-        return Err(Error::input(format!("line 1: column `{twice}` stands twice")));
+        return Err(Error::input(format!(
+            "line 1: column `{twice}` stands twice"
+        )));
     }
 
     let mut points = Points {
@@ -103,7 +111,8 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
     let mut rows = Vec::new();
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(at[column]).unwrap_or_default();
-        let wrong = |column: usize| move |message: String| wrong_field(line, columns[column], message);
+        let wrong =
+            |column: usize| move |message: String| wrong_field(line, columns[column], message);
         let sequence = sequences.number(field(0)).map_err(wrong(0))?;
         let frame = frame(field(1)).map_err(wrong(1))?;
         let point = points.number(field(2)).map_err(wrong(2))?;

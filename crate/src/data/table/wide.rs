@@ -4,7 +4,8 @@ use super::delimited::{Delimited, coordinate, frame, wrong_field};
 use super::{Layout, Raw, Row, Sequences, quote_list};
 use crate::error::{Error, Result};
 
-/// The names of points with the columns of x and y: `cube_x` and `cube_y`, with `_`, `.`, `-` or a space between.
+/// The names of points with the columns of x and y: `cube_x` and `cube_y`, with `_`, `.`, `-` or a
+/// space between.
 pub fn points(header: &csv::StringRecord) -> Vec<(String, [usize; 2])> {
     let split = |field: &str, axis: char| {
         let name = field.strip_suffix([axis, axis.to_ascii_uppercase()])?;
@@ -13,7 +14,9 @@ pub fn points(header: &csv::StringRecord) -> Vec<(String, [usize; 2])> {
     };
     let mut points = Vec::new();
     for (x, field) in header.iter().enumerate() {
-        let Some(name) = split(field, 'x') else { continue };
+        let Some(name) = split(field, 'x') else {
+            continue;
+        };
         let y = header
             .iter()
             .position(|h| split(h, 'y').is_some_and(|n| n == name));
@@ -39,7 +42,9 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     let sequence_column = find("sequence");
     for (i, (name, _)) in points.iter().enumerate() {
         if points[..i].iter().any(|(other, _)| other == name) {
-            return Err(Error::input(format!("line 1: column `{name}_x` stands twice")));
+            return Err(Error::input(format!(
+                "line 1: column `{name}_x` stands twice"
+            )));
         }
     }
     let ignored: Vec<&str> = header
@@ -52,7 +57,9 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         .map(|(_, name)| name)
         .collect();
     if !ignored.is_empty() {
-        table.notices.push(format!("ignored: {}", quote_list(&ignored)));
+        table
+            .notices
+            .push(format!("ignored: {}", quote_list(&ignored)));
     }
     if sequence_column.is_none() {
         table.notices.push(format!(

@@ -54,7 +54,8 @@ fn naive(checkpoint: &Checkpoint, shape: &ConvLayer, sizes: &Sizes, input: &[f32
                     continue;
                 }
                 for channel in 0..shape.inputs {
-                    let tap = ((output * shape.inputs + channel) * shape.kernel + ky) * shape.kernel + kx;
+                    let tap =
+                        ((output * shape.inputs + channel) * shape.kernel + ky) * shape.kernel + kx;
                     let value = input[(row * sizes.from[0] + column) * shape.inputs + channel];
                     *sum += f64::from(weight[tap]) * f64::from(value);
                 }
@@ -120,7 +121,9 @@ fn error(shape: &ConvLayer, size: [usize; 2]) -> f64 {
     scratch.fill(f32::NAN);
     layer.run(&sizes, &input, &mut output, to, &mut scratch);
     let expected = naive(&checkpoint, shape, &sizes, &values);
-    let largest = expected.iter().fold(0.0f64, |largest, v| largest.max(v.abs()));
+    let largest = expected
+        .iter()
+        .fold(0.0f64, |largest, v| largest.max(v.abs()));
     let mut error = 0.0f64;
     for (cell, expected) in expected.chunks_exact(shape.outputs).enumerate() {
         let at = to.at(cell % sizes.to[0], cell / sizes.to[0]);
@@ -130,7 +133,10 @@ fn error(shape: &ConvLayer, size: [usize; 2]) -> f64 {
         }
         output[at..at + to.channels].fill(0.0);
     }
-    assert!(output[..to.len()].iter().all(|v| *v == 0.0), "the frame stays 0");
+    assert!(
+        output[..to.len()].iter().all(|v| *v == 0.0),
+        "the frame stays 0"
+    );
     error
 }
 
@@ -148,8 +154,8 @@ fn shape(kernel: usize, stride: usize, inputs: usize, outputs: usize) -> ConvLay
     }
 }
 
-/// Sums of up to 800 products in f32 differ from f64 by 1e-6 of the largest result, and Winograd's transforms magnify
-/// that: 7e-6 is measured.
+/// Sums of up to 800 products in f32 differ from f64 by 1e-6 of the largest result, and Winograd's
+/// transforms magnify that: 7e-6 is measured.
 const TOLERANCE: f64 = 2e-5;
 
 #[test]
@@ -204,7 +210,8 @@ fn layers_without_padding_equal_their_definition() {
 fn the_plan_says_how_a_layer_is_computed() {
     let plan = |shape: ConvLayer| {
         let checkpoint = checkpoint(&shape);
-        let layer = Layer::new(&checkpoint, shape.clone(), gemm::lanes(), shape.inputs).expect("a layer");
+        let layer =
+            Layer::new(&checkpoint, shape.clone(), gemm::lanes(), shape.inputs).expect("a layer");
         layer.plan(&layer.sizes([256, 256]).expect("large enough"))
     };
     let by_tiles = plan(ConvLayer {
@@ -256,7 +263,8 @@ fn the_size_of_packed_weights_is_known_before_they_are_packed() {
         } else {
             inputs.next_multiple_of(lanes)
         };
-        let layer = Layer::new(&checkpoint(&shape), shape.clone(), lanes, channels).expect("a layer");
+        let layer =
+            Layer::new(&checkpoint(&shape), shape.clone(), lanes, channels).expect("a layer");
         let packed = match &layer.kernel {
             Kernel::Direct(panels) => panels.steps() * panels.columns(),
             Kernel::Winograd(_, panels) => panels
@@ -274,6 +282,8 @@ fn the_size_of_packed_weights_is_known_before_they_are_packed() {
 
 #[test]
 fn what_does_not_fit_into_memory_is_an_error() {
-    let error = Buffer::default().grow(usize::MAX / 8).expect_err("no memory");
+    let error = Buffer::default()
+        .grow(usize::MAX / 8)
+        .expect_err("no memory");
     assert!(error.to_string().contains("no memory for"), "{error}");
 }

@@ -1,5 +1,5 @@
-//! Memory of the kernels: outputs that are written by several threads, tensors whose memory is used again, and
-//! scratch that a thread keeps.
+//! Memory of the kernels: outputs that are written by several threads, tensors whose memory is used
+//! again, and scratch that a thread keeps.
 
 use std::cell::RefCell;
 use std::marker::PhantomData;
@@ -55,7 +55,8 @@ pub(super) struct Pieces<'a> {
     memory: PhantomData<&'a mut [f32]>,
 }
 
-// SAFETY: the memory is borrowed exclusively; who writes where is promised by the callers of `write`.
+// SAFETY: the memory is borrowed exclusively; who writes where is promised by the callers of
+// `write`.
 unsafe impl Sync for Pieces<'_> {}
 
 impl Pieces<'_> {
@@ -90,8 +91,8 @@ const LARGE: usize = 1 << 16;
 /// So many numbers are kept, at most: 1 GiB.
 const MOST: usize = 1 << 28;
 
-/// Memory of tensors that are gone, oldest first. A step of training needs what the last one needed, and memory
-/// from the system costs a fault and a wipe a page.
+/// Memory of tensors that are gone, oldest first. A step of training needs what the last one
+/// needed, and memory from the system costs a fault and a wipe a page.
 static KEPT: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
 
 fn kept() -> MutexGuard<'static, Vec<Vec<f32>>> {
@@ -153,8 +154,12 @@ impl AllocationController for Kept {
         AllocationProperty::Native
     }
 
-    unsafe fn memory_mut(&mut self, _: AccessPolicy) -> Result<&mut [MaybeUninit<u8>], AccessError> {
-        // SAFETY: the allocation of the vector, borrowed with it; the caller writes initialised bytes only.
+    unsafe fn memory_mut(
+        &mut self,
+        _: AccessPolicy,
+    ) -> Result<&mut [MaybeUninit<u8>], AccessError> {
+        // SAFETY: the allocation of the vector, borrowed with it; the caller writes initialised
+        // bytes only.
         Ok(unsafe { std::slice::from_raw_parts_mut(self.0.as_mut_ptr().cast(), self.size()) })
     }
 
@@ -175,8 +180,8 @@ impl Drop for Kept {
     }
 }
 
-/// Runs `work` on scratch of these lengths, each from a cache line on, that the thread keeps; it holds whatever the last use
-/// left in it.
+/// Runs `work` on scratch of these lengths, each from a cache line on, that the thread keeps; it
+/// holds whatever the last use left in it.
 pub(super) fn with_scratch<R, const N: usize>(
     lengths: [usize; N],
     work: impl FnOnce([&mut [f32]; N]) -> R,
@@ -191,7 +196,10 @@ pub(super) fn with_scratch<R, const N: usize>(
             own.resize(needed, 0.0);
         }
         let mut rest = &mut own[..];
-        let start = rest.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+        let start = rest
+            .as_ptr()
+            .align_offset(LINE * size_of::<f32>())
+            .min(LINE);
         rest = &mut rest[start..];
         let mut parts = lengths.into_iter().zip(whole);
         work(std::array::from_fn(|_| {

@@ -1,13 +1,16 @@
-//! Convolution and its gradients on slices, in the layout of the tensors: images x channels x rows x columns.
+//! Convolution and its gradients on slices, in the layout of the tensors: images x channels x rows
+//! x columns.
 //!
-//! Layers of common shapes go by tiles (`winograd`). For all others, forward and gradient of the input are the same thing, a
+//! Layers of common shapes go by tiles (`winograd`). For all others, forward and gradient of the
+//! input are the same thing, a
 //! [`Correlation`]: an image is copied into a frame of
-//! zeros, a band of rows at a time, and every tap of the filter then is a shift of the band. Columns that would
-//! wrap around the frame are computed and dropped. A stride splits the source (forward) or the result (gradient)
-//! into phases, each of which is a correlation with stride 1.
+//! zeros, a band of rows at a time, and every tap of the filter then is a shift of the band.
+//! Columns that would wrap around the frame are computed and dropped. A stride splits the source
+//! (forward) or the result (gradient) into phases, each of which is a correlation with stride 1.
 //!
-//! Nothing depends on how bands and images are spread over threads: each number of a result is one sum in a fixed
-//! order. The gradient of the weights sums over the images as well, in a fixed number of groups of images.
+//! Nothing depends on how bands and images are spread over threads: each number of a result is one
+//! sum in a fixed order. The gradient of the weights sums over the images as well, in a fixed
+//! number of groups of images.
 
 use rayon::prelude::*;
 use rten_simd::SimdOp;
@@ -36,7 +39,8 @@ pub(super) struct Convolution {
     pub padding: usize,
 }
 
-/// Correlations with stride 1 of framed images, whose results are spread over the images of the output.
+/// Correlations with stride 1 of framed images, whose results are spread over the images of the
+/// output.
 struct Correlation {
     tiling: Tiling,
     batch: usize,
@@ -77,7 +81,10 @@ impl Convolution {
     }
 
     /// The weights by output, input, row and column.
-    fn taps<'a>(&self, weight: &'a [f32]) -> impl Fn(usize, usize, usize, usize) -> f32 + Sync + use<'a> {
+    fn taps<'a>(
+        &self,
+        weight: &'a [f32],
+    ) -> impl Fn(usize, usize, usize, usize) -> f32 + Sync + use<'a> {
         let Self { inputs, kernel, .. } = *self;
         move |output, input, ky, kx| weight[((output * inputs + input) * kernel + ky) * kernel + kx]
     }
@@ -122,14 +129,21 @@ impl Convolution {
             for ky in 0..self.kernel {
                 for kx in 0..self.kernel {
                     let phase = [ky % self.stride, kx % self.stride];
-                    offsets.push(correlation.offset(input, phase, [ky / self.stride, kx / self.stride]));
+                    offsets.push(correlation.offset(
+                        input,
+                        phase,
+                        [ky / self.stride, kx / self.stride],
+                    ));
                 }
             }
         }
         let steps = offsets.len();
-        let panels = panels(correlation.tiling.rows, self.outputs, steps, |output, step| {
-            weight[output * steps + step]
-        });
+        let panels = panels(
+            correlation.tiling.rows,
+            self.outputs,
+            steps,
+            |output, step| weight[output * steps + step],
+        );
         correlation.phases.push(Phase {
             offsets,
             panels,
@@ -163,7 +177,9 @@ impl Convolution {
             source: [self.outputs, rows, columns],
             split: 1,
             padding: taps - 1,
-            result: self.size.map(|side| (self.padding + side - 1) / self.stride + 1),
+            result: self
+                .size
+                .map(|side| (self.padding + side - 1) / self.stride + 1),
             halo: taps - 1,
             band: 0,
             phases: Vec::new(),
@@ -179,7 +195,11 @@ impl Convolution {
                 for output in 0..self.outputs {
                     for (ty, ky) in own_taps(py).enumerate() {
                         for (tx, kx) in own_taps(px).enumerate() {
-                            offsets.push(correlation.offset(output, [0, 0], [taps - 1 - ty, taps - 1 - tx]));
+                            offsets.push(correlation.offset(
+                                output,
+                                [0, 0],
+                                [taps - 1 - ty, taps - 1 - tx],
+                            ));
                             taps_of.push((output, ky, kx));
                         }
                     }
@@ -205,8 +225,9 @@ impl Convolution {
 
     /// The gradient of the weights.
     ///
-    /// A product whose sum runs over the pixels. Channels lie next to each other here (the input is transposed), so
-    /// that the taps of a row of the filter and their channels are one run of numbers: one row of the product.
+    /// A product whose sum runs over the pixels. Channels lie next to each other here (the input is
+    /// transposed), so that the taps of a row of the filter and their channels are one run of
+    /// numbers: one row of the product.
     pub fn weight_gradient(&self, input: &[f32], gradient: &[f32]) -> Vec<f32> {
         if let Some(tiled) = TiledWeights::new(self) {
             return tiled.run(input, gradient);
@@ -222,7 +243,9 @@ impl Convolution {
         let band = (BAND / (self.stride * line).max(self.outputs * columns)).clamp(1, rows);
         let source = ((band - 1) * self.stride + self.kernel) * line + padded;
         let offsets: Vec<u32> = (0..band)
-            .flat_map(|y| (0..columns).map(move |x| ((y * line + x * self.inputs) * self.stride) as u32))
+            .flat_map(|y| {
+                (0..columns).map(move |x| ((y * line + x * self.inputs) * self.stride) as u32)
+            })
             .collect();
         let image = self.inputs * self.size[0] * self.size[1];
         let pixels = rows * columns;
@@ -232,7 +255,8 @@ impl Convolution {
                 let mut sums = vec![0.0; self.kernel * height * padded];
                 let images = group * self.batch / groups..(group + 1) * self.batch / groups;
                 with_scratch([source, height * band * columns], |[source, left]| {
-                    for (index, top) in images.flat_map(|i| (0..rows).step_by(band).map(move |top| (i, top)))
+                    for (index, top) in
+                        images.flat_map(|i| (0..rows).step_by(band).map(move |top| (i, top)))
                     {
                         let here = band.min(rows - top);
                         let steps = here * columns;
@@ -249,8 +273,11 @@ impl Convolution {
                             shape,
                             &mut source[..rows * line],
                         );
-                        let own = &gradient[index * self.outputs * pixels..][..self.outputs * pixels];
-                        for (panel, left) in left.chunks_mut(band * columns * tiling.rows).enumerate() {
+                        let own =
+                            &gradient[index * self.outputs * pixels..][..self.outputs * pixels];
+                        for (panel, left) in
+                            left.chunks_mut(band * columns * tiling.rows).enumerate()
+                        {
                             interleave(
                                 own,
                                 pixels,
@@ -306,7 +333,8 @@ impl Convolution {
     }
 }
 
-/// Rows from `first` of `count` channels, one number of each channel after the other; missing channels are 0.
+/// Rows from `first` of `count` channels, one number of each channel after the other; missing
+/// channels are 0.
 fn interleave(
     image: &[f32],
     pixels: usize,
@@ -319,7 +347,8 @@ fn interleave(
     let channels = image.len() / pixels;
     let to = &mut to[..steps * count];
     if count == 8 && first + 8 <= channels {
-        let rows: [&[f32]; 8] = std::array::from_fn(|i| &image[(first + i) * pixels + start..][..steps]);
+        let rows: [&[f32]; 8] =
+            std::array::from_fn(|i| &image[(first + i) * pixels + start..][..steps]);
         for (x, step) in to.chunks_exact_mut(8).enumerate() {
             let values: [f32; 8] = std::array::from_fn(|i| rows[i][x]);
             step.copy_from_slice(&values);
@@ -338,7 +367,12 @@ fn interleave(
 }
 
 /// A matrix in panels of `rows` rows, zeros below the last row.
-fn panels(rows: usize, height: usize, steps: usize, at: impl Fn(usize, usize) -> f32 + Sync) -> Vec<f32> {
+fn panels(
+    rows: usize,
+    height: usize,
+    steps: usize,
+    at: impl Fn(usize, usize) -> f32 + Sync,
+) -> Vec<f32> {
     let mut panels = vec![0.0; height.next_multiple_of(rows) * steps];
     if steps == 0 {
         return panels;
@@ -402,8 +436,8 @@ impl Correlation {
                 }
             });
         });
-        // SAFETY: every row and column of every output image belongs to one row of one phase, and `run` went
-        // through all of them.
+        // SAFETY: every row and column of every output image belongs to one row of one phase, and
+        // `run` went through all of them.
         unsafe { output.into_vec(len) }
     }
 
@@ -452,10 +486,12 @@ impl Correlation {
                     let x = (phase.start[1] + (first[1] * self.spread) as isize) as usize;
                     let from = row * stride + (result - top) * columns;
                     let values = &product[from + first[1]..from + self.result[1]];
-                    let values = &values[..values.len().min(width.saturating_sub(x).div_ceil(self.spread))];
+                    let values = &values[..values
+                        .len()
+                        .min(width.saturating_sub(x).div_ceil(self.spread))];
                     let at = (channel * height + y) * width + x;
-                    // SAFETY: tasks differ in the image or in the rows of the result, phases and panels run one
-                    // after the other.
+                    // SAFETY: tasks differ in the image or in the rows of the result, phases and
+                    // panels run one after the other.
                     unsafe {
                         if self.spread == 1 {
                             pieces.write(at, values);
@@ -481,7 +517,11 @@ impl Correlation {
                     let first = self.padding.saturating_sub(px).div_ceil(split);
                     let last = (width + self.padding).saturating_sub(px).div_ceil(split);
                     let (first, last) = (first.min(columns), last.min(columns));
-                    for (i, line) in plane.chunks_exact_mut(columns).take(here + self.halo).enumerate() {
+                    for (i, line) in plane
+                        .chunks_exact_mut(columns)
+                        .take(here + self.halo)
+                        .enumerate()
+                    {
                         let y = ((top + i) * split + py).wrapping_sub(self.padding);
                         if y >= height || first >= last {
                             line.fill(0.0);
@@ -496,7 +536,9 @@ impl Correlation {
                             line.copy_from_slice(&row[from..from + line.len()]);
                         } else {
                             let values = row[from..].iter().step_by(split);
-                            line.iter_mut().zip(values).for_each(|(to, value)| *to = *value);
+                            line.iter_mut()
+                                .zip(values)
+                                .for_each(|(to, value)| *to = *value);
                         }
                     }
                 }

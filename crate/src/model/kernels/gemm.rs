@@ -1,7 +1,8 @@
 //! The one product behind all convolutions.
 //!
-//! Both operands stay close to the layout they have anyway: the right one is read in place, at an offset a step of
-//! the sum, so that a shifted image is a row of the matrix and no im2col matrix is ever built.
+//! Both operands stay close to the layout they have anyway: the right one is read in place, at an
+//! offset a step of the sum, so that a shifted image is a row of the matrix and no im2col matrix is
+//! ever built.
 
 use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
@@ -9,7 +10,8 @@ use rten_simd::{Isa, SimdOp};
 /// Vectors a tile is wide.
 const TILE: usize = 3;
 
-/// Rows of a tile: with [`TILE`] vectors a row, as many sums as the registers of the instruction set hold.
+/// Rows of a tile: with [`TILE`] vectors a row, as many sums as the registers of the instruction
+/// set hold.
 const fn tile_rows(lanes: usize) -> usize {
     if lanes == 8 { 4 } else { 8 }
 }
@@ -46,7 +48,8 @@ impl Tiling {
     }
 }
 
-/// `output[r][j] += sum over k of left[k * left_step + r] * right[offsets[k] + j]` for a panel of [`Tiling::rows`] rows.
+/// `output[r][j] += sum over k of left[k * left_step + r] * right[offsets[k] + j]` for a panel of
+/// [`Tiling::rows`] rows.
 ///
 /// Every number is summed in the order of k, whatever its place in a tile.
 pub(super) struct Product<'a> {
@@ -97,8 +100,9 @@ impl Product<'_> {
         let mut vector = 0;
         while vector < vectors {
             let column = vector * lanes;
-            // SAFETY: `left` holds ROWS numbers at every step; the tile reads `right` up to its largest offset plus the
-            // padded width and writes ROWS rows within `stride`, all of which is asserted above.
+            // SAFETY: `left` holds ROWS numbers at every step; the tile reads `right` up to its
+            // largest offset plus the padded width and writes ROWS rows within `stride`, all of
+            // which is asserted above.
             unsafe {
                 let right = self.right.as_ptr().add(column);
                 let output = self.output.as_mut_ptr().add(column);
@@ -107,7 +111,8 @@ impl Product<'_> {
                         self.tile::<I, ROWS, 1>(isa, right, output);
                         vector += 1;
                     }
-                    // Two and two, not three and one: a tile of one vector has too few sums to keep the CPU busy.
+                    // Two and two, not three and one: a tile of one vector has too few sums to keep
+                    // the CPU busy.
                     2 | 4 => {
                         self.tile::<I, ROWS, 2>(isa, right, output);
                         vector += 2;
@@ -122,7 +127,8 @@ impl Product<'_> {
     }
 
     /// # Safety
-    /// `right` must be readable at every offset, and `output` writable in ROWS rows, for WIDE vectors.
+    /// `right` must be readable at every offset, and `output` writable in ROWS rows, for WIDE
+    /// vectors.
     #[inline(always)]
     unsafe fn tile<I: Isa, const ROWS: usize, const WIDE: usize>(
         &self,

@@ -35,7 +35,8 @@ impl Framed {
                     let (pixels, after) = rest.split_at_mut(inside * self.cell);
                     before.fill(0.0);
                     after.fill(0.0);
-                    let row_of = |channel: usize| &image[(channel * height + y) * width..][..inside];
+                    let row_of =
+                        |channel: usize| &image[(channel * height + y) * width..][..inside];
                     let whole = channels / BLOCK * BLOCK;
                     for channel in (0..whole).step_by(BLOCK) {
                         gather(
@@ -46,7 +47,9 @@ impl Framed {
                         );
                     }
                     for channel in whole..channels {
-                        for (pixel, value) in pixels.chunks_exact_mut(self.cell).zip(row_of(channel)) {
+                        for (pixel, value) in
+                            pixels.chunks_exact_mut(self.cell).zip(row_of(channel))
+                        {
                             pixel[channel] = *value;
                         }
                     }
@@ -61,8 +64,8 @@ impl Framed {
     }
 }
 
-/// Writes rows of pixels with `cell` numbers each to the channels of an image in an output: channel c of the pixels goes to
-/// `at(c)`, whose rows lie one after the other.
+/// Writes rows of pixels with `cell` numbers each to the channels of an image in an output: channel
+/// c of the pixels goes to `at(c)`, whose rows lie one after the other.
 ///
 /// # Safety
 /// As [`Pieces::write`], for all of these places.

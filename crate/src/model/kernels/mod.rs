@@ -1,9 +1,10 @@
 //! Layers whose kernels on burn's CPU device (flex) are our own, because training is bound by them.
 //!
-//! [`conv`], [`batch_norm_relu`], [`max_pool`] and [`upsample`](fn@upsample) are what the modules call. Behind them is a backend extension:
-//! [`Layers`] has burn's own operations as its bodies, flex overrides them, and the gradients are operations of
-//! [`LayerGradients`] in the same manner, which the one implementation for `Autodiff` calls. A further backend
-//! needs its name in the attribute and two empty `impl`s to run the same modules on burn's operations.
+//! [`conv`], [`batch_norm_relu`], [`max_pool`] and [`upsample`](fn@upsample) are what the modules
+//! call. Behind them is a backend extension: [`Layers`] has burn's own operations as its bodies,
+//! flex overrides them, and the gradients are operations of [`LayerGradients`] in the same manner,
+//! which the one implementation for `Autodiff` calls. A further backend needs its name in the
+//! attribute and two empty `impl`s to run the same modules on burn's operations.
 //!
 //! The kernels use rayon's current pool. Results do not depend on the number of threads.
 
@@ -67,7 +68,11 @@ fn square(layer: &Conv2d, input: &Tensor<4>) -> Option<(usize, usize)> {
     let [batch, inputs, height, width] = input.dims();
     let padding = match layer.padding {
         PaddingConfig2d::Valid => 0,
-        PaddingConfig2d::Explicit(top, left, bottom, right) if [left, bottom, right] == [top; 3] => top,
+        PaddingConfig2d::Explicit(top, left, bottom, right)
+            if [left, bottom, right] == [top; 3] =>
+        {
+            top
+        }
         _ => return None,
     };
     let [kernel, other] = layer.kernel_size;
@@ -81,7 +86,8 @@ fn square(layer: &Conv2d, input: &Tensor<4>) -> Option<(usize, usize)> {
         stride,
         padding,
     };
-    let plain = kernel == other && stride == other_stride && layer.dilation == [1, 1] && layer.groups == 1;
+    let plain =
+        kernel == other && stride == other_stride && layer.dilation == [1, 1] && layer.groups == 1;
     let plain = plain && layer.weight.dims()[1] == inputs && input.dtype() == DType::F32;
     (plain && convolution.is_supported()).then_some((stride, padding))
 }
@@ -129,7 +135,8 @@ pub(super) fn max_pool(input: Tensor<4>) -> Tensor<4> {
     Tensor::from_dispatch(Dispatch::pool(input.into_dispatch()))
 }
 
-/// Bilinear upsampling to twice the height and width, pixel edges aligned (`align_corners` is false).
+/// Bilinear upsampling to twice the height and width, pixel edges aligned (`align_corners` is
+/// false).
 ///
 /// # Shapes
 /// - `input`: `[B, C, H, W]`
@@ -211,7 +218,8 @@ trait LayerGradients: Backend {
             epsilon,
         );
         let gradient = Self::relu_backward(Self::relu(output), gradient);
-        let result = Self::batch_norm_train_backward(input, gamma, mean, variance, epsilon, gradient);
+        let result =
+            Self::batch_norm_train_backward(input, gamma, mean, variance, epsilon, gradient);
         [result.x_grad, result.gamma_grad, result.beta_grad]
     }
 
@@ -219,8 +227,15 @@ trait LayerGradients: Backend {
         let [kernel, stride, border] = [[2, 2], [2, 2], [1, 1]];
         // GPUs have no i64.
         let indices = get_or_init_device_settings::<Self>(&input.device()).int_dtype;
-        let pooled =
-            Self::max_pool2d_with_indices(input.clone(), kernel, stride, border, [1, 1], false, indices);
+        let pooled = Self::max_pool2d_with_indices(
+            input.clone(),
+            kernel,
+            stride,
+            border,
+            [1, 1],
+            false,
+            indices,
+        );
         Self::max_pool2d_with_indices_backward(
             input,
             kernel,
@@ -234,9 +249,12 @@ trait LayerGradients: Backend {
         .x_grad
     }
 
-    fn enlarge_gradient(input: FloatTensor<Self>, gradient: FloatTensor<Self>) -> FloatTensor<Self> {
-        // burn has no gradient of a bilinear interpolation on GPUs. Rows and columns are enlarged by a matrix each, so the
-        // gradient takes their transposes.
+    fn enlarge_gradient(
+        input: FloatTensor<Self>,
+        gradient: FloatTensor<Self>,
+    ) -> FloatTensor<Self> {
+        // burn has no gradient of a bilinear interpolation on GPUs. Rows and columns are enlarged
+        // by a matrix each, so the gradient takes their transposes.
         let [_, _, height, width] = input.shape().dims();
         let device = input.device();
         let weights = |length: usize| {
@@ -257,7 +275,12 @@ fn options(stride: usize, padding: usize) -> ConvOptions<2> {
 }
 
 impl Layers for Flex {
-    fn convolve(input: FlexTensor, weight: FlexTensor, stride: usize, padding: usize) -> FlexTensor {
+    fn convolve(
+        input: FlexTensor,
+        weight: FlexTensor,
+        stride: usize,
+        padding: usize,
+    ) -> FlexTensor {
         let (input, weight) = (input.to_contiguous(), weight.to_contiguous());
         let convolution = convolution(&input, &weight, stride, padding);
         let [rows, columns] = convolution.output_size();
@@ -383,7 +406,12 @@ impl LayerGradients for Flex {
     }
 }
 
-fn convolution(input: &FlexTensor, weight: &FlexTensor, stride: usize, padding: usize) -> Convolution {
+fn convolution(
+    input: &FlexTensor,
+    weight: &FlexTensor,
+    stride: usize,
+    padding: usize,
+) -> Convolution {
     let [batch, inputs, height, width] = input.shape().dims();
     let [outputs, _, kernel, _] = weight.shape().dims();
     Convolution {
@@ -407,7 +435,11 @@ fn owned(tensor: FlexTensor) -> Vec<f32> {
 }
 
 fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> FlexTensor {
-    FlexTensor::from_data(TensorData::from_bytes(buffer::bytes(values), shape, DType::F32))
+    FlexTensor::from_data(TensorData::from_bytes(
+        buffer::bytes(values),
+        shape,
+        DType::F32,
+    ))
 }
 
 impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Autodiff<B, C> {
@@ -445,7 +477,8 @@ impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Aut
                     grads.register::<B>(node.id, result);
                 }
                 if let Some(node) = of_input {
-                    let result = B::convolve_input_gradient(input, weight, gradient, stride, padding);
+                    let result =
+                        B::convolve_input_gradient(input, weight, gradient, stride, padding);
                     grads.register::<B>(node.id, result);
                 }
             }
@@ -457,10 +490,20 @@ impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Aut
             .stateful();
         match prepared {
             OpsKind::Tracked(mut ops) => {
-                let state = (ops.checkpoint(&input), ops.checkpoint(&weight), stride, padding);
+                let state = (
+                    ops.checkpoint(&input),
+                    ops.checkpoint(&weight),
+                    stride,
+                    padding,
+                );
                 ops.finish(
                     state,
-                    B::convolve(input.into_primitive(), weight.into_primitive(), stride, padding),
+                    B::convolve(
+                        input.into_primitive(),
+                        weight.into_primitive(),
+                        stride,
+                        padding,
+                    ),
                 )
             }
             OpsKind::UnTracked(ops) => ops.finish(B::convolve(
@@ -494,7 +537,8 @@ impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Aut
                 let (input, gamma, beta, statistics, epsilon) = ops.state;
                 let [input, gamma, beta] = [input, gamma, beta]
                     .map(|node| checkpointer.retrieve_node_output::<FloatTensor<B>>(node));
-                let results = B::normalize_gradients(input, statistics, gamma, beta, epsilon, gradient);
+                let results =
+                    B::normalize_gradients(input, statistics, gamma, beta, epsilon, gradient);
                 for (node, result) in ops.parents.into_iter().zip(results) {
                     if let Some(node) = node {
                         grads.register::<B>(node.id, result);
@@ -517,7 +561,13 @@ impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Aut
                     epsilon,
                 );
                 let [input, gamma, beta] = nodes;
-                let state = (input, gamma, beta, [mean.clone(), variance.clone()], epsilon);
+                let state = (
+                    input,
+                    gamma,
+                    beta,
+                    [mean.clone(), variance.clone()],
+                    epsilon,
+                );
                 (ops.finish(state, output), mean, variance)
             }
             OpsKind::UnTracked(ops) => {
@@ -586,7 +636,11 @@ impl<B: Backend + Layers + LayerGradients, C: CheckpointStrategy> Layers for Aut
             }
         }
 
-        match Enlarge.prepare::<C>([input.node()]).compute_bound().stateful() {
+        match Enlarge
+            .prepare::<C>([input.node()])
+            .compute_bound()
+            .stateful()
+        {
             OpsKind::Tracked(mut ops) => {
                 let state = ops.checkpoint(&input);
                 ops.finish(state, B::enlarge(input.into_primitive()))

@@ -1,7 +1,8 @@
-//! Batch normalization by the statistics of the batch with the ReLU that follows it, and its gradients.
+//! Batch normalization by the statistics of the batch with the ReLU that follows it, and its
+//! gradients.
 //!
-//! Two passes over the maps each way. Sums run over one map at a time; those of the images are added up in order,
-//! in f64.
+//! Two passes over the maps each way. Sums run over one map at a time; those of the images are
+//! added up in order, in f64.
 
 use rayon::prelude::*;
 
@@ -74,7 +75,8 @@ pub(super) fn statistics(input: &[f32], [batch, channels, size]: Maps) -> Statis
             ]
         })
         .collect();
-    let of_channel = |channel: usize| (0..batch).map(move |image| moments_at(image, channel, channels));
+    let of_channel =
+        |channel: usize| (0..batch).map(move |image| moments_at(image, channel, channels));
     let (mean, variance) = (0..channels)
         .map(|channel| {
             let mean = of_channel(channel).map(|i| moments[i][0]).sum::<f64>() / batch as f64;
@@ -148,8 +150,8 @@ pub(super) fn gradients(
             })
         })
         .collect();
-    // Per channel: the gradients of gamma and beta, and the line that is taken off the gradient of the input: its slope, and its
-    // level at the mean.
+    // Per channel: the gradients of gamma and beta, and the line that is taken off the gradient of
+    // the input: its slope, and its level at the mean.
     let mut result = NormGradients {
         input: Vec::new(),
         gamma: Vec::with_capacity(channels),

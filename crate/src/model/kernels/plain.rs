@@ -20,7 +20,8 @@ pub(super) fn max_pool(input: Tensor<4>) -> Tensor<4> {
     max_pool2d(input, options)
 }
 
-/// Bilinear upsampling to twice the height and width, pixel edges aligned (`align_corners` is false).
+/// Bilinear upsampling to twice the height and width, pixel edges aligned (`align_corners` is
+/// false).
 ///
 /// # Shapes
 /// - `input`: `[B, C, H, W]`

@@ -28,7 +28,9 @@ pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
                     vectorised(
                         #[inline(always)]
                         || {
-                            for ((cell, a), b) in line.iter_mut().zip(pairs(&*upper)).zip(pairs(&*lower)) {
+                            for ((cell, a), b) in
+                                line.iter_mut().zip(pairs(&*upper)).zip(pairs(&*lower))
+                            {
                                 cell.write(larger(larger(a[0], a[1]), larger(b[0], b[1])));
                             }
                         },

@@ -1,12 +1,13 @@
 //! The kernels against plain loops in f64, and the layers against burn's own operations.
 //!
-//! An f32 sum of n products in any order, with or without fused multiply-add, is off by at most about
-//! (n + 1) u times the sum of the absolute products, u = 2⁻²⁴ (the standard bound of a dot product); tolerances
-//! are that bound for each number by itself.
+//! An f32 sum of n products in any order, with or without fused multiply-add, is off by at most
+//! about (n + 1) u times the sum of the absolute products, u = 2⁻²⁴ (the standard bound of a dot
+//! product); tolerances are that bound for each number by itself.
 //!
-//! By tiles a number's error comes from all products of its tile, so there the largest of the sums stands for each. Each of
-//! the three transforms adds up to 4 roundings an axis; they also magnify errors, but the bound supposes all n roundings in one
-//! direction, and random ones reach a fraction of it.
+//! By tiles a number's error comes from all products of its tile, so there the largest of the sums
+//! stands for each. Each of the three transforms adds up to 4 roundings an axis; they also magnify
+//! errors, but the bound supposes all n roundings in one direction, and random ones reach a
+//! fraction of it.
 
 use burn::backend::ops::ConvOptions;
 use burn::module::Param;
@@ -80,15 +81,22 @@ fn reference(case: &Convolution, input: &[f32], weight: &[f32], gradient: &[f32]
     let mut of_weight = vec![Sum::default(); weight.len()];
     for image in 0..batch {
         for o in 0..outputs {
-            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+            for (row, column) in
+                (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)))
+            {
                 let out = ((image * outputs + o) * rows + row) * columns + column;
                 for i in 0..inputs {
                     for (ky, kx) in (0..kernel).flat_map(|ky| (0..kernel).map(move |kx| (ky, kx))) {
                         let (y, x) = (row * stride + ky, column * stride + kx);
-                        if y < padding || x < padding || y >= height + padding || x >= width + padding {
+                        if y < padding
+                            || x < padding
+                            || y >= height + padding
+                            || x >= width + padding
+                        {
                             continue;
                         }
-                        let at = ((image * inputs + i) * height + y - padding) * width + x - padding;
+                        let at =
+                            ((image * inputs + i) * height + y - padding) * width + x - padding;
                         let tap = ((o * inputs + i) * kernel + ky) * kernel + kx;
                         output[out].add(weight[tap], input[at]);
                         of_input[at].add(weight[tap], gradient[out]);
@@ -109,8 +117,9 @@ fn check(case: Convolution) {
     let gradient = noise(3, case.batch * case.outputs * rows * columns);
     let [output, of_input, of_weight] = reference(&case, &input, &weight, &gradient);
     let Convolution { kernel, stride, .. } = case;
-    let tiles =
-        |layers: &[[usize; 2]]| case.inputs.min(case.outputs) >= 16 && layers.contains(&[kernel, stride]);
+    let tiles = |layers: &[[usize; 2]]| {
+        case.inputs.min(case.outputs) >= 16 && layers.contains(&[kernel, stride])
+    };
     compare(
         "output",
         &case,
@@ -135,9 +144,17 @@ fn check(case: Convolution) {
 }
 
 /// Kernel, stride and padding of the architectures' layers.
-const FILTERS: [[usize; 3]; 6] = [[3, 1, 1], [3, 2, 1], [7, 1, 3], [7, 2, 0], [5, 1, 0], [1, 1, 0]];
+const FILTERS: [[usize; 3]; 6] = [
+    [3, 1, 1],
+    [3, 2, 1],
+    [7, 1, 3],
+    [7, 2, 0],
+    [5, 1, 0],
+    [1, 1, 0],
+];
 
-/// Checks every image size and filter (kernel, stride, padding) with every batch, inputs and outputs.
+/// Checks every image size and filter (kernel, stride, padding) with every batch, inputs and
+/// outputs.
 fn check_each(
     shapes: impl IntoIterator<Item = ([usize; 2], [usize; 3])>,
     channels: &[(usize, usize, usize)],
@@ -205,10 +222,14 @@ fn convolutions_by_tiles() {
         [5, 1, 3],
     ];
     let sizes = [[5, 5], [6, 9], [13, 9], [17, 32], [33, 50]];
-    check_each(pairs(&sizes, &filters), &[(1, 16, 16), (3, 17, 20), (11, 24, 33)]);
+    check_each(
+        pairs(&sizes, &filters),
+        &[(1, 16, 16), (3, 17, 20), (11, 24, 33)],
+    );
 }
 
-/// Sizes that no filter fits once, images smaller than a tile, strides that skip taps: by products and by tiles.
+/// Sizes that no filter fits once, images smaller than a tile, strides that skip taps: by products
+/// and by tiles.
 #[test]
 fn convolutions_at_the_edge() {
     check_each(
@@ -309,15 +330,17 @@ fn assert_close<const D: usize>(what: &str, a: Tensor<D>, b: Tensor<D>, toleranc
     }
 }
 
-/// Both sides sum at most 1000 products of about the same size in f32: a few times sqrt(1000) u of the largest
-/// number is what differently ordered sums differ by, and 1e-5 is ten times that.
+/// Both sides sum at most 1000 products of about the same size in f32: a few times sqrt(1000) u of
+/// the largest number is what differently ordered sums differ by, and 1e-5 is ten times that.
 #[test]
 fn layers_agree_with_burn() {
     let device = Device::flex().autodiff();
     for [kernel, stride, padding] in FILTERS {
         let mut layer = Conv2dConfig::new([4, 6], [kernel, kernel])
             .with_stride([stride, stride])
-            .with_padding(PaddingConfig2d::Explicit(padding, padding, padding, padding))
+            .with_padding(PaddingConfig2d::Explicit(
+                padding, padding, padding, padding,
+            ))
             .init(&device);
         layer.weight = Param::from_tensor(tensor(1, [6, 4, kernel, kernel], &device));
         layer.bias = Some(Param::from_tensor(tensor(2, [6], &device)));
@@ -330,7 +353,8 @@ fn layers_agree_with_burn() {
         let factors = tensor(4, ours.dims(), &device);
         let ours = (ours * factors.clone()).sum().backward();
         let burns = (burns * factors).sum().backward();
-        let both = |tensor: &Tensor<4>| [&ours, &burns].map(|g| tensor.grad(g).expect("a gradient"));
+        let both =
+            |tensor: &Tensor<4>| [&ours, &burns].map(|g| tensor.grad(g).expect("a gradient"));
         for (what, tensor) in [
             ("input gradient", &input),
             ("weight gradient", &layer.weight.val()),
@@ -395,7 +419,9 @@ fn pools_agree_with_burn() {
 #[test]
 fn upsampling_agrees_with_burn() {
     let device = Device::flex().autodiff();
-    for [batch, channels, height, width] in [[2, 3, 8, 8], [1, 1, 1, 1], [2, 2, 1, 6], [1, 2, 5, 13]] {
+    for [batch, channels, height, width] in
+        [[2, 3, 8, 8], [1, 1, 1, 1], [2, 2, 1, 6], [1, 2, 5, 13]]
+    {
         let input = tensor(1, [batch, channels, height, width], &device).require_grad();
         let ours = super::upsample(input.clone());
         let options = super::bilinear().with_output_size([2 * height, 2 * width]);
@@ -418,7 +444,10 @@ fn memory_is_used_again() {
         let [gamma, beta] = [2, 3].map(|seed| tensor::<1>(seed, [4], &device));
         let output = super::batch_norm_relu(input.clone(), gamma, beta, 1e-5).output;
         let gradients = super::max_pool(output.clone()).square().sum().backward();
-        (host(output), host(input.grad(&gradients).expect("a gradient")))
+        (
+            host(output),
+            host(input.grad(&gradients).expect("a gradient")),
+        )
     };
     let first = step();
     assert!(first == step() && first == step());

@@ -1,7 +1,8 @@
 //! Bilinear upsampling to twice the size, pixel edges aligned, and its gradient.
 //!
-//! On an axis, a pixel i becomes 1/4 of its neighbour and 3/4 of itself, on either side; beyond the border lies the
-//! border pixel once more. The gradient of pixel i collects the same weights from the pixels 2i - 1 to 2i + 2.
+//! On an axis, a pixel i becomes 1/4 of its neighbour and 3/4 of itself, on either side; beyond the
+//! border lies the border pixel once more. The gradient of pixel i collects the same weights from
+//! the pixels 2i - 1 to 2i + 2.
 
 use rayon::prelude::*;
 
@@ -80,7 +81,8 @@ pub(super) fn gradient(gradient: &[f32], [height, width]: [usize; 2]) -> Vec<f32
                         #[inline(always)]
                         || {
                             for (x, blend) in blend[1..=2 * width].iter_mut().enumerate() {
-                                *blend = NEAR * (rows[1][x] + rows[2][x]) + FAR * (rows[0][x] + rows[3][x]);
+                                *blend = NEAR * (rows[1][x] + rows[2][x])
+                                    + FAR * (rows[0][x] + rows[3][x]);
                             }
                             blend[0] = blend[1];
                             blend[2 * width + 1] = blend[2 * width];

@@ -1,5 +1,5 @@
-//! Convolutions and their gradients by Winograd's algorithm, with the tiles of the engine: a band of an image is laid out as
-//! the engine has its maps, convolved, and laid back.
+//! Convolutions and their gradients by Winograd's algorithm, with the tiles of the engine: a band
+//! of an image is laid out as the engine has its maps, convolved, and laid back.
 
 use rayon::prelude::*;
 use rten_simd::ops::{BitOps, NumOps};
@@ -32,8 +32,9 @@ pub(super) struct Tiled {
 }
 
 impl Tiled {
-    /// The convolution of `batch` images with the filters that `at` gives by output, input, row and column; `None` where
-    /// there are no tiles for it, where they are not worth it, or where there is no memory for the transformed filters.
+    /// The convolution of `batch` images with the filters that `at` gives by output, input, row and
+    /// column; `None` where there are no tiles for it, where they are not worth it, or where there
+    /// is no memory for the transformed filters.
     pub fn new(
         batch: usize,
         [source, output]: [[usize; 3]; 2],
@@ -96,39 +97,43 @@ impl Tiled {
             );
             let to = Map::bare([columns, here], self.cells[1]);
             let scratch = self.tiling.scratch(lanes(), self.cells[0], across * down).1;
-            with_scratch([from.len(), to.len(), scratch], |[framed, result, scratch]| {
-                let frame = Framed {
-                    top: (top * self.tiling.stride) as isize - self.padding as isize,
-                    left: self.padding,
-                    columns: from.size[0],
-                    cell: self.cells[0],
-                };
-                frame.copy(&source[index * image..][..image], self.source, framed);
-                Winograd {
-                    panels: &self.panels,
-                    tiling: self.tiling,
-                    convolved: to.size,
-                    epilogue: Epilogue {
-                        scale: None,
-                        bias: &bias,
-                        floor: f32::NEG_INFINITY,
-                    },
-                    input: framed,
-                    from,
-                    output: &mut *result,
-                    to,
-                    scratch,
-                }
-                .dispatch();
-                vectorised(
-                    #[inline(always)]
-                    || {
-                        let at = |channel| ((index * channels + channel) * rows + top) * columns;
-                        // SAFETY: tasks differ in the image or in its rows.
-                        unsafe { scatter(result, self.cells[1], channels, &pieces, at) };
-                    },
-                );
-            });
+            with_scratch(
+                [from.len(), to.len(), scratch],
+                |[framed, result, scratch]| {
+                    let frame = Framed {
+                        top: (top * self.tiling.stride) as isize - self.padding as isize,
+                        left: self.padding,
+                        columns: from.size[0],
+                        cell: self.cells[0],
+                    };
+                    frame.copy(&source[index * image..][..image], self.source, framed);
+                    Winograd {
+                        panels: &self.panels,
+                        tiling: self.tiling,
+                        convolved: to.size,
+                        epilogue: Epilogue {
+                            scale: None,
+                            bias: &bias,
+                            floor: f32::NEG_INFINITY,
+                        },
+                        input: framed,
+                        from,
+                        output: &mut *result,
+                        to,
+                        scratch,
+                    }
+                    .dispatch();
+                    vectorised(
+                        #[inline(always)]
+                        || {
+                            let at =
+                                |channel| ((index * channels + channel) * rows + top) * columns;
+                            // SAFETY: tasks differ in the image or in its rows.
+                            unsafe { scatter(result, self.cells[1], channels, &pieces, at) };
+                        },
+                    );
+                },
+            );
         });
         // SAFETY: the bands are all rows of all images.
         unsafe { output.into_vec(len) }
@@ -143,12 +148,14 @@ const CELLS: usize = 4;
 
 const PLACES: usize = SIDE * SIDE;
 
-/// Tiles that are summed up at a time, about: what is loaded and stored for it should be little beside the sums.
+/// Tiles that are summed up at a time, about: what is loaded and stored for it should be little
+/// beside the sums.
 const TILES: usize = 64;
 
-/// The gradient of the weights by tiles: the inputs are transformed as they are forwards, the gradients of the outputs as
-/// the transpose of the transform of the outputs, and at every place of the tile the products are summed up over all
-/// tiles. The transpose of the transform of the filters makes taps of the sums.
+/// The gradient of the weights by tiles: the inputs are transformed as they are forwards, the
+/// gradients of the outputs as the transpose of the transform of the outputs, and at every place of
+/// the tile the products are summed up over all tiles. The transpose of the transform of the
+/// filters makes taps of the sums.
 pub(super) struct TiledWeights {
     convolution: Convolution,
     tiling: Tiling,
@@ -228,7 +235,9 @@ impl TiledWeights {
         ];
         with_scratch(lengths, |[source, result, sources, results]| {
             let mut held = 0;
-            for (image, top) in images.flat_map(|i| (0..most).step_by(down).map(move |top| (i, top))) {
+            for (image, top) in
+                images.flat_map(|i| (0..most).step_by(down).map(move |top| (i, top)))
+            {
                 let here = down.min(most - top);
                 let frame = Framed {
                     top: (top * CELLS) as isize - padding as isize,
@@ -257,10 +266,12 @@ impl TiledWeights {
                 Transform {
                     source,
                     result,
-                    to: [(&mut *sources, from), (&mut *results, to)].map(|(values, cell)| Transformed {
-                        values,
-                        tiles,
-                        cell,
+                    to: [(&mut *sources, from), (&mut *results, to)].map(|(values, cell)| {
+                        Transformed {
+                            values,
+                            tiles,
+                            cell,
+                        }
                     }),
                     columns: [reach[0], across * CELLS],
                     held,
@@ -276,7 +287,12 @@ impl TiledWeights {
     }
 
     /// Adds the products of `held` of `tiles` tiles.
-    fn accumulate(&self, [sources, results]: [&[f32]; 2], [held, tiles]: [usize; 2], sums: &mut [f32]) {
+    fn accumulate(
+        &self,
+        [sources, results]: [&[f32]; 2],
+        [held, tiles]: [usize; 2],
+        sums: &mut [f32],
+    ) {
         if held == 0 {
             return;
         }
@@ -304,7 +320,9 @@ impl TiledWeights {
 
     /// The taps of all sums.
     fn taps(&self, groups: &[Vec<f32>]) -> Vec<f32> {
-        let Convolution { inputs, outputs, .. } = self.convolution;
+        let Convolution {
+            inputs, outputs, ..
+        } = self.convolution;
         let [from, to] = self.cells;
         let matrix = self.tiling.filter_transform();
         let kernel = self.tiling.kernel;
@@ -384,7 +402,8 @@ impl SimdOp for Transform<'_> {
         }
         for tile in 0..across * down {
             let (x, y) = (tile % across, tile / across);
-            // SAFETY: the maps hold all tiles, and `to` has room for them, both of which is asserted above.
+            // SAFETY: the maps hold all tiles, and `to` has room for them, both of which is
+            // asserted above.
             unsafe {
                 let from = self
                     .source
@@ -402,15 +421,20 @@ impl SimdOp for Transform<'_> {
                 let to = results.values.as_mut_ptr().add((held + tile) * cells[1]);
                 let steps = [pitch[1], cells[1], results.tiles * cells[1]];
                 for channel in (0..cells[1]).step_by(lanes) {
-                    transform::<I, Gradients, CELLS>(isa, from.add(channel), to.add(channel), steps);
+                    transform::<I, Gradients, CELLS>(
+                        isa,
+                        from.add(channel),
+                        to.add(channel),
+                        steps,
+                    );
                 }
             }
         }
     }
 }
 
-/// A transform of N cells along one axis. (A trait, as functions that are passed on are not inlined into the code of an
-/// instruction set.)
+/// A transform of N cells along one axis. (A trait, as functions that are passed on are not inlined
+/// into the code of an instruction set.)
 trait Points<const N: usize> {
     fn points<I: Isa>(isa: I, cells: [I::F32; N]) -> [I::F32; SIDE];
 }
@@ -425,8 +449,8 @@ impl Points<SIDE> for Inputs {
     }
 }
 
-/// The transpose of the transform of the outputs: the polynomial of the cells at the tile's points, of which the near ones
-/// are 1 and -1.
+/// The transpose of the transform of the outputs: the polynomial of the cells at the tile's points,
+/// of which the near ones are 1 and -1.
 struct Gradients;
 
 impl Points<CELLS> for Gradients {
@@ -447,10 +471,12 @@ impl Points<CELLS> for Gradients {
     }
 }
 
-/// Transforms the tile of N x N cells at `from`, with `[row, column, ..]` numbers from one to the next, along both axes.
+/// Transforms the tile of N x N cells at `from`, with `[row, column, ..]` numbers from one to the
+/// next, along both axes.
 ///
 /// # Safety
-/// The cells must be readable and the places at `to`, `[.., place]` numbers apart, writable, a vector each.
+/// The cells must be readable and the places at `to`, `[.., place]` numbers apart, writable, a
+/// vector each.
 #[inline(always)]
 unsafe fn transform<I: Isa, P: Points<N>, const N: usize>(
     isa: I,

@@ -14,8 +14,9 @@ use crate::report::decades::{Decades, tick};
 /// Factors below are drawn here.
 const FLOOR: f64 = 1e-4;
 
-/// TC when every threshold is multiplied by a common factor, over that factor; a dot where an object joins, which is at its
-/// error divided by its threshold. With held-out folds their TC is a second line. `factor` is marked.
+/// TC when every threshold is multiplied by a common factor, over that factor; a dot where an
+/// object joins, which is at its error divided by its threshold. With held-out folds their TC is a
+/// second line. `factor` is marked.
 ///
 /// # Errors
 /// When it cannot be drawn.
@@ -30,7 +31,15 @@ pub fn capability(
     let held_out: Vec<(f64, &str)> = report
         .held_out
         .iter()
-        .flat_map(|held_out| ratios(held_out.objects.iter().map(|o| o.error).zip(&report.objects)))
+        .flat_map(|held_out| {
+            ratios(
+                held_out
+                    .objects
+                    .iter()
+                    .map(|o| o.error)
+                    .zip(&report.objects),
+            )
+        })
         .collect();
     let count = report.objects.len().max(1) as f64;
     let all = same.iter().chain(&held_out).map(|(ratio, _)| *ratio);
@@ -94,7 +103,9 @@ pub fn capability(
             } else {
                 (HPos::Left, em / 2)
             };
-            let style = theme.text(theme.foreground).pos(anchored(side, VPos::Center));
+            let style = theme
+                .text(theme.foreground)
+                .pos(anchored(side, VPos::Center));
             let down = if before { 0 } else { em };
             area.draw_text(name, &style, (x + shift, y + down))?;
         }

@@ -13,8 +13,8 @@ use crate::report::decades::{above, below, power, tick};
 /// Errors below this share of the largest have the brightest colour.
 const SPAN: f64 = 1e-6;
 
-/// The matrix of an evaluation, `width` pixels wide or as wide as its cells need. `chosen` are keypoints in place of the best
-/// ones, by object; they are outlined in the accent colour.
+/// The matrix of an evaluation, `width` pixels wide or as wide as its cells need. `chosen` are
+/// keypoints in place of the best ones, by object; they are outlined in the accent colour.
 ///
 /// Viridis, turned round: the smallest errors are the brightest.
 ///
@@ -30,7 +30,10 @@ pub fn matrix(
     let columns = report.errors.first().map_or(0, Vec::len).max(1) as i32;
     let rows = report.objects.len().max(1) as i32;
     let longest = report.objects.iter().map(|o| width_of(&o.name, em)).max();
-    let labels = longest.unwrap_or(0).clamp(3 * em, (width as i32 / 4).max(5 * em)) + em;
+    let labels = longest
+        .unwrap_or(0)
+        .clamp(3 * em, (width as i32 / 4).max(5 * em))
+        + em;
     let cell = ((width as i32 - labels - em / 2) / columns).clamp(17.max(3 * em / 2), 6 * em);
     let row = (5 * em / 2).min(40);
     let (left, top) = (labels, 2 * em);
@@ -122,7 +125,11 @@ pub fn matrix(
             .unwrap_or(1000);
         for n in (0..columns).step_by(step as usize) {
             let style = muted.pos(anchored(HPos::Center, VPos::Bottom));
-            area.draw_text(&n.to_string(), &style, (left + n * cell + cell / 2, top - em / 3))?;
+            area.draw_text(
+                &n.to_string(),
+                &style,
+                (left + n * cell + cell / 2, top - em / 3),
+            )?;
         }
         area.draw_text(
             "keypoint",

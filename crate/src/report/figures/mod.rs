@@ -1,7 +1,8 @@
-//! The figures of one evaluation, as SVG by plotters: the matrix of errors, TC over thresholds, errors by sequence.
+//! The figures of one evaluation, as SVG by plotters: the matrix of errors, TC over thresholds,
+//! errors by sequence.
 //!
-//! What they show beside the picture (the place of the plot and the ranges of its axes) lets the page find values under the
-//! pointer.
+//! What they show beside the picture (the place of the plot and the ranges of its axes) lets the
+//! page find values under the pointer.
 
 mod capability;
 mod matrix;
@@ -126,7 +127,10 @@ pub fn evaluation_figures(report: &EvaluationReport) -> Result<Vec<Figure>> {
         },
     ];
     for of in report.sequences.iter().flatten() {
-        let threshold = report.objects.iter().find(|object| object.name == of.object);
+        let threshold = report
+            .objects
+            .iter()
+            .find(|object| object.name == of.object);
         let errors: Vec<f64> = of.errors.iter().map(|sequence| sequence.error).collect();
         if let Some(object) = threshold {
             figures.push(Figure {
@@ -176,7 +180,8 @@ fn document(
         area.present()?;
         Ok(placed)
     };
-    let (plot, x, y) = drawn().map_err(|e| Error::input(format!("the figure could not be drawn: {e}")))?;
+    let (plot, x, y) =
+        drawn().map_err(|e| Error::input(format!("the figure could not be drawn: {e}")))?;
     Ok(Drawn {
         svg,
         width,

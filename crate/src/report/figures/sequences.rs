@@ -12,8 +12,8 @@ use crate::report::decades::{Decades, tick};
 /// Errors below are drawn here.
 const FLOOR: f64 = 1e-7;
 
-/// A stem and a dot a sequence; `errors` are in order, the worst one first (ndc, mean squared distance). `selected` is the
-/// position of one that is marked.
+/// A stem and a dot a sequence; `errors` are in order, the worst one first (ndc, mean squared
+/// distance). `selected` is the position of one that is marked.
 ///
 /// # Errors
 /// When it cannot be drawn.

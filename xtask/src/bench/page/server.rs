@@ -1,4 +1,5 @@
-//! The site as a static host would serve it, compressed, which notes what it sent and takes the results of a benchmark.
+//! The site as a static host would serve it, compressed, which notes what it sent and takes the
+//! results of a benchmark.
 
 use std::collections::HashMap;
 use std::io::Write as _;
@@ -103,9 +104,12 @@ impl Server {
     }
 }
 
-/// What another thread left behind when it panicked is as good as what it would have left otherwise.
+/// What another thread left behind when it panicked is as good as what it would have left
+/// otherwise.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    mutex
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 async fn result(State(shared): State<Arc<Shared>>, body: String) {
@@ -133,7 +137,9 @@ async fn file(State(shared): State<Arc<Shared>>, uri: Uri) -> Response {
     };
     set(
         header::CONTENT_TYPE,
-        mime_guess::from_path(place).first_or_octet_stream().as_ref(),
+        mime_guess::from_path(place)
+            .first_or_octet_stream()
+            .as_ref(),
     );
     if content.gzip {
         set(header::CONTENT_ENCODING, "gzip");
@@ -243,7 +249,9 @@ mod tests {
             Ok(String::from_utf8_lossy(&answer).to_lowercase())
         };
         let page = exchange("GET /?tables", "")?;
-        assert!(page.contains("content-type: text/html") && page.contains("content-encoding: gzip"));
+        assert!(
+            page.contains("content-type: text/html") && page.contains("content-encoding: gzip")
+        );
         assert!(page.contains("cross-origin-embedder-policy: require-corp"));
         exchange("POST /mark", "{}")?;
         assert!(exchange("GET /pkg/a.wasm", "")?.contains("content-type: application/wasm"));

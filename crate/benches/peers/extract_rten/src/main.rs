@@ -1,7 +1,7 @@
 //! Time of extraction in rten, of encoders that `tracklens export` wrote.
 //!
-//! `extract_rten FOLDER [--threads N]` prints a line of JSON for every encoder and size: the median of 15 frames after two
-//! that are not counted, one frame at a time on N threads.
+//! `extract_rten FOLDER [--threads N]` prints a line of JSON for every encoder and size: the median
+//! of 15 frames after two that are not counted, one frame at a time on N threads.
 
 use std::error::Error;
 use std::path::Path;
