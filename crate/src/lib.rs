@@ -12,6 +12,8 @@
 
 #[cfg(any(feature = "cli", feature = "train"))]
 mod atomic;
+#[cfg(any(feature = "cli", all(feature = "web-scoring", target_arch = "wasm32")))]
+mod command_line;
 #[cfg(feature = "data")]
 pub mod device;
 pub mod error;
@@ -25,6 +27,8 @@ pub mod checkpoint;
 pub mod data;
 #[cfg(feature = "engine")]
 pub mod engine;
+#[cfg(feature = "data")]
+pub mod evaluation;
 #[cfg(feature = "engine")]
 pub mod extract;
 #[cfg(feature = "data")]
@@ -34,10 +38,10 @@ pub mod model;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(feature = "data")]
-pub mod scoring;
+pub mod run;
 #[cfg(all(feature = "cli", feature = "train"))]
-pub mod sweep;
-#[cfg(feature = "report")]
+mod sweep;
+#[cfg(feature = "train")]
 pub mod train;
 
 #[cfg(feature = "cli")]

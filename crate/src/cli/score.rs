@@ -10,14 +10,14 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use super::files::{self, KeypointsReading, TruthArguments};
 use super::painter::Painter;
 use crate::atomic;
+use crate::command_line::{self, shell_line};
 use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
-use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{
-    ContextReport, EvaluationReport, JoinReport, Request, evaluation_figures, evaluation_page,
-    shell_line,
+use crate::evaluation::{
+    ContextReport, EvaluationReport, JoinReport, Request, Scoring, Threshold, Thresholds,
 };
-use crate::scoring::Scoring;
+use crate::metric::{NonFinite, Rank, Settings, Transform};
+use crate::report::{evaluation_figures, evaluation_page};
 use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
@@ -25,11 +25,11 @@ pub(super) struct ScoreArguments {
     /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the
     /// image, y down) or with two columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO
     /// keypoints (JSON), or a recording (.npz, .hdf5)
-    #[arg(long, value_name = "GT.csv")]
+    #[arg(long = command_line::TRUTH, value_name = "GT.csv")]
     truth: PathBuf,
     /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0),
     /// another of these tables, or an NPZ file
-    #[arg(long, value_name = "KP.csv")]
+    #[arg(long = command_line::KEYPOINTS, value_name = "KP.csv")]
     keypoints: PathBuf,
     /// Unit of the keypoints: ndc or px; default: px for DeepLabCut and COCO, otherwise ndc
     #[arg(long, value_name = "SPACE")]
@@ -51,34 +51,32 @@ pub(super) struct ScoreArguments {
 #[derive(Debug, Args)]
 pub(super) struct ScoringArguments {
     /// The map fitted between a keypoint and an object: affine, scale-translate or identity
-    #[arg(long, default_value = "affine")]
+    #[arg(long = command_line::TRANSFORM, default_value = "affine")]
     transform: Transform,
-    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
-    /// 0.015, target 0.015, eef 0.1, others 0.015
-    #[arg(long = "threshold", value_name = "NAME=VALUE", value_parser = parse_threshold)]
-    thresholds: Vec<(String, f64)>,
+    #[command(flatten)]
+    thresholds: ThresholdArguments,
     /// When a direction counts as no motion: reference (as the authors' code) or centred (in any
     /// unit)
-    #[arg(long, default_value = "reference")]
+    #[arg(long = command_line::RANK, default_value = "reference")]
     rank: Rank,
     /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
-    #[arg(long, value_name = "POLICY", default_value = "error")]
+    #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "error")]
     non_finite: NonFinite,
     /// Also fit and score on different sequences, in this many folds
-    #[arg(long, value_name = "N")]
+    #[arg(long = command_line::FOLDS, value_name = "N")]
     folds: Option<usize>,
     /// Also give 95 % intervals, by drawing the sequences this many times with replacement
-    #[arg(long, value_name = "RESAMPLES")]
+    #[arg(long = command_line::BOOTSTRAP, value_name = "RESAMPLES")]
     bootstrap: Option<usize>,
     /// Deals sequences to folds and draws the bootstrap
-    #[arg(long, value_name = "SEED", default_value_t = 0)]
+    #[arg(long = command_line::RESAMPLING_SEED, value_name = "SEED", default_value_t = 0)]
     resampling_seed: u64,
     /// Also give the error of every object by sequence, the worst one first
-    #[arg(long)]
+    #[arg(long = command_line::SEQUENCES)]
     sequences: bool,
     /// Also give what others measure: linear regression from all keypoints with PCK (Jakab et al.),
     /// precision and recall of a min-cost assignment (Kulkarni et al.)
-    #[arg(long)]
+    #[arg(long = command_line::CONTEXT)]
     context: bool,
     /// Also write everything as one HTML file
     #[arg(long, value_name = "FILE.html", value_parser = files::parse_html_path)]
@@ -94,27 +92,18 @@ pub(super) struct ScoringArguments {
     csv: bool,
 }
 
-pub(super) fn parse_threshold(text: &str) -> Result<(String, f64)> {
-    const EXPECTED: &str = "expected NAME=VALUE with a number above 0, e.g. cube=0.015";
-    if text.contains(',') && text.matches('=').count() > 1 {
-        return Err(Error::input(format!(
-            "`{text}` gives more than one threshold; {EXPECTED}, and --threshold once for every object: --threshold \
-             cube=0.015 --threshold eef=0.1"
-        )));
-    }
-    let (name, value) = text
-        .rsplit_once('=')
-        .map(|(name, value)| (name.trim(), value.trim()))
-        .filter(|(name, _)| !name.is_empty())
-        .ok_or_else(|| Error::input(format!("`{text}` is no threshold; {EXPECTED}")))?;
-    match value.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok((name.to_owned(), number)),
-        Ok(_) => Err(Error::input(format!(
-            "the threshold of `{name}` is {value}, which is not a finite number above 0; {EXPECTED}"
-        ))),
-        Err(_) => Err(Error::input(format!(
-            "the threshold of `{name}` is `{value}`, which is no number; {EXPECTED}"
-        ))),
+/// The thresholds on the errors; shared by `score`, `eval` and `report`.
+#[derive(Debug, Args)]
+pub(super) struct ThresholdArguments {
+    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
+    /// 0.015, target 0.015, eef 0.1, others 0.015
+    #[arg(long = command_line::THRESHOLD, value_name = "NAME=VALUE")]
+    thresholds: Vec<Threshold>,
+}
+
+impl ThresholdArguments {
+    pub fn parse(&self) -> Result<Thresholds> {
+        Thresholds::new(self.thresholds.iter().cloned())
     }
 }
 
@@ -157,13 +146,13 @@ impl ScoringArguments {
         self.report.as_deref().map_or(Ok(()), atomic::check)
     }
 
-    fn request(&self, image_size: Option<[u32; 2]>) -> Request {
-        Request {
+    fn request(&self, image_size: Option<[u32; 2]>) -> Result<Request> {
+        Ok(Request {
             settings: Settings {
                 transform: self.transform,
                 rank: self.rank,
             },
-            thresholds: self.thresholds.clone(),
+            thresholds: self.thresholds.parse()?,
             image_size,
             folds: self.folds,
             bootstrap: self.bootstrap,
@@ -171,7 +160,7 @@ impl ScoringArguments {
             // Their figures and tables need them.
             sequences: self.sequences || self.report.is_some() || self.figures.is_some(),
             context: self.context,
-        }
+        })
     }
 
     /// Scores and prints. `image_size` is the size of the images, where it is known.
@@ -183,7 +172,7 @@ impl ScoringArguments {
     ) -> Result<()> {
         let scoring = Scoring::new(truth, keypoints, self.non_finite)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
-        let mut report = self.request(image_size).evaluate(&scoring, &join)?;
+        let mut report = self.request(image_size)?.evaluate(&scoring, &join)?;
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {
             atomic::write(path, evaluation_page(&report)?.as_bytes())?;

@@ -16,11 +16,11 @@ use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer, load_weights};
-use crate::sweep::architecture_named;
-use crate::train::{
-    BackgroundStart, Dataset, Existing, FirstLayer, RunOptions, Split, StartWeights, TargetFilter,
-    TrainConfig, ValidationFrames, train,
+use crate::run::{
+    BackgroundStart, FirstLayer, Split, StartWeights, TargetFilter, TrainConfig, ValidationFrames,
 };
+use crate::sweep::architecture_named;
+use crate::train::{Dataset, Existing, RunOptions, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {

@@ -1,22 +1,23 @@
 //! Trajectories of runs of `tracklens report` on the frames of their data set.
 
 use std::collections::BTreeSet;
-use std::path::Path as FilePath;
+use std::path::Path;
 
 use super::files;
 use crate::data::{Filter, Frame, FrameSource, SequenceRange, join};
 use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
+use crate::evaluation::ObjectReport;
 use crate::extract::{CpuExtractor, Extractor as _};
-use crate::report::{Figure, Group, ObjectReport, Path, Run, Runs, Scene, trajectories};
+use crate::metric::Object;
+use crate::report::{Figure, Group, Run, Runs, Scene, Trajectory, trajectories};
+use crate::run::CHECKPOINT_FINAL;
 use crate::track::GroundTruth;
 
 /// Sequences that are drawn when none are asked for.
 const SHOWN: usize = 4;
 /// Frames are made smaller than this, in pixels: they are drawn in half of it.
 const LARGEST: u32 = 440;
-/// The weights that the errors of the last epoch belong to.
-const CHECKPOINT: &str = "checkpoint_final.safetensors";
 
 /// A figure a group, of the run in its middle. Groups whose run has no weights or no maps are said
 /// and left out.
@@ -56,11 +57,11 @@ pub(super) fn figures(
 
 /// The complete run whose errors, each over its threshold, have the median sum (the lower one of
 /// two): neither the best nor the worst.
-fn middle<'a>(group: &'a Group, objects: &[(String, f64)]) -> Option<&'a Run> {
+fn middle<'a>(group: &'a Group, objects: &[Object]) -> Option<&'a Run> {
     let sum = |run: &Run| -> f64 {
         let errors = objects
             .iter()
-            .filter_map(|(name, threshold)| Some(run.error(name)? / threshold));
+            .filter_map(|object| Some(run.error(&object.name)? / object.threshold));
         errors.sum()
     };
     let mut complete: Vec<&Run> = group.complete().collect();
@@ -71,7 +72,7 @@ fn middle<'a>(group: &'a Group, objects: &[(String, f64)]) -> Option<&'a Run> {
 fn figure(
     group: &Group,
     run: &Run,
-    objects: &[(String, f64)],
+    objects: &[Object],
     frames: &dyn FrameSource,
     truth: &GroundTruth,
     asked: &[String],
@@ -85,7 +86,7 @@ fn figure(
     })?;
     let fits: Vec<&ObjectReport> = objects
         .iter()
-        .filter_map(|(name, _)| evaluation.objects.iter().find(|o| o.name == *name))
+        .filter_map(|object| evaluation.objects.iter().find(|o| o.name == object.name))
         .filter(|object| object.map.is_some() && object.best_keypoint.is_some())
         .collect();
     if fits.is_empty() {
@@ -144,7 +145,7 @@ fn figure(
         }
     };
 
-    let path = FilePath::new(&run.name).join(CHECKPOINT);
+    let path = Path::new(&run.name).join(CHECKPOINT_FINAL);
     let encoder =
         Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
     let mut extractor = CpuExtractor::new(encoder);
@@ -243,12 +244,12 @@ fn scene(
     fits: &[&ObjectReport],
     truth: impl Fn(usize, usize) -> [f64; 2],
 ) -> Result<Scene> {
-    let empty = || Path {
+    let empty = || Trajectory {
         truth: Vec::new(),
         keypoint: Vec::new(),
         transformed: Vec::new(),
     };
-    let mut paths: Vec<Path> = fits.iter().map(|_| empty()).collect();
+    let mut paths: Vec<Trajectory> = fits.iter().map(|_| empty()).collect();
     let mut shown = None;
     for t in range.start..range.start + range.length {
         let frame = frames.read(t)?;
@@ -268,8 +269,7 @@ fn scene(
             let [x, y] = point.map(f64::from);
             path.truth.push(truth(t, k));
             path.keypoint.push(grid.to_image([x, y]));
-            path.transformed
-                .push([0, 1].map(|axis| map.a[axis][0] * x + map.a[axis][1] * y + map.b[axis]));
+            path.transformed.push(map.apply([x, y]));
         }
         shown.get_or_insert(frame);
     }

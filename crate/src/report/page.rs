@@ -4,11 +4,10 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::document::document;
-use super::evaluation::{
-    ContextReport, EvaluationReport, MapReport, ObjectReport, SequencesReport,
-};
 use super::figures::evaluation_figures;
 use crate::error::Result;
+use crate::evaluation::{ContextReport, EvaluationReport, ObjectReport, SequencesReport};
+use crate::metric::AffineMap;
 
 /// Sequences that the page lists for an object.
 const WORST: usize = 10;
@@ -211,7 +210,7 @@ fn maps(report: &EvaluationReport) -> Markup {
 }
 
 /// A map row by row, as terms of the keypoint (u, v).
-fn rows(map: &MapReport) -> [String; 2] {
+fn rows(map: &AffineMap) -> [String; 2] {
     let signed = |value: f64, what: &str| {
         format!(
             "{} {:.4}{what}",

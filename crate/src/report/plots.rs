@@ -21,6 +21,7 @@ use super::measured::Measured;
 use super::runs::{Group, Run, Runs};
 use super::runs_report::{GroupReport, RunsReport};
 use crate::error::{Error, Result};
+use crate::metric::Object;
 use crate::metric::stats::{Sample, performance_profile, smooth};
 
 /// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix,
@@ -152,7 +153,7 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
         PANEL[1],
         &[(group.name.clone(), ink)],
         |k, panel| {
-            let (name, threshold) = &objects[k];
+            let Object { name, threshold } = &objects[k];
             let epochs = all[k].iter().map(Vec::len).max().unwrap_or(1).max(2);
             let axis = log_axis(all[k].iter().flatten().copied().chain([*threshold]));
             let mut chart = log_chart(panel, name, 1.0..epochs as f64, axis)?;
@@ -203,7 +204,7 @@ fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
         PANEL[1],
         &legend(report),
         |k, panel| {
-            let (name, threshold) = &runs.objects[k];
+            let Object { name, threshold } = &runs.objects[k];
             let errors: Vec<Vec<f64>> = groups
                 .iter()
                 .map(|group| group.runs.iter().filter_map(|run| run.errors[k]).collect())
@@ -378,7 +379,7 @@ fn profiles(runs: &Runs, report: &RunsReport) -> Result<Figure> {
         PANEL[1],
         &legend(report),
         |k, panel| {
-            let (name, threshold) = &runs.objects[k];
+            let Object { name, threshold } = &runs.objects[k];
             let all: Vec<Vec<f64>> = report
                 .groups
                 .iter()

@@ -116,14 +116,14 @@ pub struct ClaimReport {
     /// What is compared.
     pub statistic: Statistic,
     /// One a pair of architectures and an object.
-    pub comparisons: Vec<Comparison>,
+    pub comparisons: Vec<ClaimComparison>,
     /// Architectures without runs.
     pub missing: Vec<String>,
 }
 
 /// One comparison of a [`ClaimReport`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Comparison {
+pub struct ClaimComparison {
     /// The object; null for all.
     pub object: Option<String>,
     /// Claimed to be better.
@@ -248,7 +248,7 @@ impl ReferenceReport {
                 for object in each {
                     let values = [a, b].map(|group| claim.statistic.of(group, object));
                     let [Some(x), Some(y)] = values else { continue };
-                    comparisons.push(Comparison {
+                    comparisons.push(ClaimComparison {
                         object: object.map(str::to_owned),
                         first: claim.first.clone(),
                         than: than.clone(),

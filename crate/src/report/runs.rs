@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use super::evaluation::EvaluationReport;
 use crate::error::{Error, Result};
-use crate::metric::Transform;
-use crate::train::{RunConfig, Split, TrainSummary, read_log};
+use crate::evaluation::{EvaluationReport, Thresholds};
+use crate::metric::{Object, Transform};
+use crate::run::{RunConfig, RunFiles, Split, TrainSummary, read_log};
 
 /// One run: a training, or a detector that was scored as it is.
 #[derive(Debug, Clone)]
@@ -37,19 +37,6 @@ pub struct Epoch {
     pub errors: Vec<Option<f64>>,
     /// Reconstruction loss on the validation sequences.
     pub reconstruction: f64,
-}
-
-/// The files of a run folder, as far as they are there.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct RunFiles<'a> {
-    /// `config.json`.
-    pub config: Option<&'a [u8]>,
-    /// `log.jsonl`.
-    pub log: Option<&'a [u8]>,
-    /// `summary.json`.
-    pub summary: Option<&'a [u8]>,
-    /// `error.txt`: why the last attempt of a sweep failed.
-    pub error: Option<&'a [u8]>,
 }
 
 /// A folder that is none of a run that can be read, and why.
@@ -334,7 +321,7 @@ impl Group {
 #[derive(Debug, Clone)]
 pub struct Runs {
     /// The objects with their thresholds.
-    pub objects: Vec<(String, f64)>,
+    pub objects: Vec<Object>,
     /// The groups, by name.
     pub groups: Vec<Group>,
 }
@@ -344,12 +331,9 @@ impl Runs {
     ///
     /// # Errors
     /// When there is no complete run, when runs are not of one data set ([`data_sets`]), so that
-    /// their errors cannot be compared, and when a setting to group by is none.
-    pub fn new(
-        runs: Vec<Arc<Run>>,
-        threshold: impl Fn(&str) -> f64,
-        grouping: &Grouping,
-    ) -> Result<Self> {
+    /// their errors cannot be compared, when a setting to group by is none, and when a threshold is
+    /// given for an object that the runs do not have.
+    pub fn new(runs: Vec<Arc<Run>>, thresholds: &Thresholds, grouping: &Grouping) -> Result<Self> {
         let mut sets = data_sets(runs);
         if let Some(reason) = sets.iter().find_map(|set| set.reason.as_ref()) {
             return Err(Error::mismatch(format!(
@@ -381,10 +365,7 @@ impl Runs {
                 &b.name,
             ))
         });
-        let objects = runs[0].objects.iter();
-        let objects = objects
-            .map(|name| (name.clone(), threshold(name)))
-            .collect();
+        let objects = thresholds.objects(&runs[0].objects, "the runs have")?;
         let groups = match grouping {
             Grouping::Settings => by_settings(runs),
             Grouping::Architecture => by(runs, |run| Ok(run.architecture.clone()))?,

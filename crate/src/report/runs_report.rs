@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::reference::ReferenceReport;
 use super::runs::{Group, Run, Runs, Unread};
 use crate::error::Result;
+use crate::metric::Object;
 use crate::metric::stats::{
     Sample, probability_of_improvement, quantile_window_mean, stratified_interval, trimmed_mean,
 };
@@ -144,7 +145,7 @@ impl RunsReport {
             .map(|group| GroupReport::new(group, &runs.objects, resamples, seed))
             .collect::<Result<_>>()?;
         let mut improvement = Vec::new();
-        for (k, (object, _)) in runs.objects.iter().enumerate() {
+        for (k, object) in runs.objects.iter().enumerate() {
             let errors = |group: &GroupReport| {
                 group
                     .runs
@@ -159,7 +160,7 @@ impl RunsReport {
                         continue;
                     }
                     improvement.push(ImprovementReport {
-                        object: object.clone(),
+                        object: object.name.clone(),
                         group: group.name.clone(),
                         over: over.name.clone(),
                         probability: probability_of_improvement(&a, &b)?,
@@ -268,16 +269,18 @@ impl ObjectRunsReport {
 }
 
 impl GroupReport {
-    fn new(group: &Group, objects: &[(String, f64)], resamples: usize, seed: u64) -> Result<Self> {
+    fn new(group: &Group, objects: &[Object], resamples: usize, seed: u64) -> Result<Self> {
         let runs: Vec<RunReport> = group
             .complete()
             .map(|run| {
-                let errors: Vec<Option<f64>> =
-                    objects.iter().map(|(name, _)| run.error(name)).collect();
+                let errors: Vec<Option<f64>> = objects
+                    .iter()
+                    .map(|object| run.error(&object.name))
+                    .collect();
                 let tracked = errors
                     .iter()
                     .zip(objects)
-                    .filter(|(e, (_, threshold))| e.is_some_and(|e| e <= *threshold));
+                    .filter(|(e, object)| e.is_some_and(|e| e <= object.threshold));
                 RunReport {
                     name: run.name.clone(),
                     architecture: run.architecture.clone(),
@@ -308,18 +311,18 @@ impl GroupReport {
         let average = |values: &[f64]| Ok(mean(values).unwrap_or(f64::NAN));
         let capabilities: Vec<f64> = runs.iter().map(|run| run.tc).collect();
         let mut reports = Vec::new();
-        for (k, (name, threshold)) in objects.iter().enumerate() {
+        for (k, object) in objects.iter().enumerate() {
             let errors: Vec<f64> = runs.iter().filter_map(|run| run.errors[k]).collect();
             let tracked: Vec<f64> = errors
                 .iter()
-                .map(|e| f64::from(u8::from(e <= threshold)))
+                .map(|e| f64::from(u8::from(*e <= object.threshold)))
                 .collect();
             let sample = (!errors.is_empty())
                 .then(|| Sample::of(&errors))
                 .transpose()?;
             reports.push(ObjectRunsReport {
-                name: name.clone(),
-                threshold: *threshold,
+                name: object.name.clone(),
+                threshold: object.threshold,
                 count: errors.len(),
                 tc: mean(&tracked),
                 tc_interval: interval(&tracked, &average)?,

@@ -40,13 +40,13 @@ pub struct Scene {
     /// Width and height of that frame.
     pub size: [u32; 2],
     /// The points of every object.
-    pub paths: Vec<Path>,
+    pub paths: Vec<Trajectory>,
 }
 
 /// One object and its best keypoint over a sequence; points (x, y) in ndc, NaN where the object is
 /// not visible.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Path {
+pub struct Trajectory {
     /// The object.
     pub truth: Vec<[f64; 2]>,
     /// The keypoint where it lies in the image.
@@ -174,7 +174,7 @@ fn legend(area: &DrawingArea<Backend<'_>, Shift>) -> Done {
 }
 
 /// The lines of one object over a frame of `size`; a ring marks where they start.
-fn draw(cell: &DrawingArea<Backend<'_>, Shift>, path: &Path, size: [u32; 2]) -> Done {
+fn draw(cell: &DrawingArea<Backend<'_>, Shift>, path: &Trajectory, size: [u32; 2]) -> Done {
     let place = |point: &[f64; 2]| {
         // What lies outside the image stays at its edge: it would be drawn over the frame beside
         // it.

@@ -8,12 +8,7 @@ use serde::Serialize;
 
 use crate::atomic;
 use crate::error::{Error, Result};
-use crate::train::{LOG, SUMMARY, TrainSummary};
-
-/// Locked for as long as somebody works on the run; holds who that is.
-const LOCK: &str = "lock";
-/// Why the last attempt failed.
-const ERROR: &str = "error.txt";
+use crate::run::{ERROR, LOCK, LOG, SUMMARY, TrainSummary, partial_folder};
 
 /// Where a run is while it is worked on, and when it is complete.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,9 +59,10 @@ pub struct Claim {
 impl RunPlace {
     /// The place of the run `name` in the folder of a sweep.
     pub fn new(sweep: &Path, name: &str) -> Self {
+        let finished = sweep.join(name);
         Self {
-            finished: sweep.join(name),
-            partial: sweep.join(format!("{name}.partial")),
+            partial: partial_folder(&finished),
+            finished,
         }
     }
 

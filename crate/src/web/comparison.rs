@@ -7,14 +7,14 @@ use js_sys::{Object, Reflect, Uint8Array};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::options::from_js;
+use super::options::{from_js, thresholds};
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
-use crate::metric::default_threshold;
 use crate::report::{
-    Figure, Grouping, Run, RunFiles, Runs, RunsReport, Unread, data_sets, errors_csv, figures,
-    runs_csv, runs_markdown, runs_page,
+    Figure, Grouping, Run, Runs, RunsReport, Unread, data_sets, errors_csv, figures, runs_csv,
+    runs_markdown, runs_page,
 };
+use crate::run::RunFiles;
 
 /// Draws of the runs for the intervals, as `tracklens report` makes them.
 const RESAMPLES: usize = 2000;
@@ -170,12 +170,8 @@ impl Comparison {
             true => Vec::new(),
             false => sets.swap_remove(options.data_set).runs,
         };
-        let threshold = |object: &str| {
-            let given = options.thresholds.get(object).copied();
-            given.unwrap_or_else(|| default_threshold(object))
-        };
         let compared = || {
-            let runs = Runs::new(runs, threshold, &grouping)?;
+            let runs = Runs::new(runs, &thresholds(options.thresholds)?, &grouping)?;
             let resamples = options.resamples.unwrap_or(RESAMPLES);
             let report = RunsReport::new(&runs, self.unread.clone(), resamples, options.seed)?;
             let figures = figures(&runs, &report)?;

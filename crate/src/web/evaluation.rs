@@ -4,7 +4,8 @@ use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
-use crate::report::{self, EvaluationReport, Theme, evaluation_page};
+use crate::evaluation::EvaluationReport;
+use crate::report::{self, Theme, evaluation_page};
 
 fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
     serde_wasm_bindgen::from_value(evaluation)

@@ -5,6 +5,8 @@
 //! there is something to draw, comparison with the first runs, extraction on the GPU where there is
 //! one. Objects of one part mean nothing to another one.
 
+#[cfg(feature = "web-scoring")]
+mod command;
 #[cfg(feature = "web-comparison")]
 mod comparison;
 #[cfg(feature = "web-scoring")]

@@ -8,7 +8,7 @@ use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
 use super::{Drawn, Theme, anchored, document, place, width_of};
 use crate::error::Result;
-use crate::report::EvaluationReport;
+use crate::evaluation::EvaluationReport;
 use crate::report::decades::{Decades, tick};
 
 /// Factors below are drawn here.
@@ -140,7 +140,7 @@ pub fn capability(
 
 /// Errors divided by thresholds, the smallest first; without objects that have no error.
 fn ratios<'a>(
-    errors: impl Iterator<Item = (Option<f64>, &'a crate::report::ObjectReport)>,
+    errors: impl Iterator<Item = (Option<f64>, &'a crate::evaluation::ObjectReport)>,
 ) -> Vec<(f64, &'a str)> {
     let mut all: Vec<(f64, &str)> = errors
         .filter_map(|(error, object)| Some((error? / object.threshold, object.name.as_str())))

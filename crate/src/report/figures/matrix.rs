@@ -7,7 +7,7 @@ use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
 use super::{Drawn, Theme, anchored, document, fitted, ink_on, short, width_of};
 use crate::error::Result;
-use crate::report::EvaluationReport;
+use crate::evaluation::EvaluationReport;
 use crate::report::decades::{above, below, power, tick};
 
 /// Errors below this share of the largest have the brightest colour.

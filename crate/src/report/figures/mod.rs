@@ -16,10 +16,10 @@ use plotters::style::{Color as _, IntoFont, RGBColor, TextStyle};
 use serde::{Deserialize, Serialize};
 
 use super::decades::below;
-use super::evaluation::EvaluationReport;
 use super::figure::Color;
 use super::measured::{ADVANCE, Measured};
 use crate::error::{Error, Result};
+use crate::evaluation::EvaluationReport;
 
 pub use capability::capability;
 pub use matrix::matrix;

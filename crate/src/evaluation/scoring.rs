@@ -1,9 +1,10 @@
-//! Ground truth and keypoints, joined and scored: what the terminal and the page both do.
+//! Ground truth and keypoints, joined and scored.
 
 use std::sync::{Arc, OnceLock};
 
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
+use super::thresholds::Thresholds;
 use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, Result};
 use crate::metric::context::{Assignment, Regression, assignment, regression};
@@ -53,7 +54,7 @@ pub struct SequenceError {
     pub worst_error: f64,
 }
 
-/// What others measure of the same data; see [`context`](crate::metric::context).
+/// Other metrics of the same data; see [`context`](crate::metric::context).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Context {
     /// Each object from all keypoints, fitted and predicted on the same frames.
@@ -138,19 +139,13 @@ impl Scoring {
         Ok(hardly.map(|(k, _)| k).collect())
     }
 
-    /// Scores with the given thresholds by object name; the others keep their default
-    /// ([`default_threshold`](crate::metric::default_threshold)).
+    /// Scores with `thresholds`.
     ///
     /// # Errors
-    /// When a threshold is for an object that is not there, is given twice or is not positive; as
+    /// When a threshold is given for an object that the ground truth does not have; as
     /// [`Moments::evaluate`].
-    pub fn evaluate(
-        &self,
-        thresholds: &[(String, f64)],
-        settings: &Settings,
-    ) -> Result<Evaluation> {
-        self.moments
-            .evaluate(&self.thresholds(thresholds)?, settings)
+    pub fn evaluate(&self, thresholds: &Thresholds, settings: &Settings) -> Result<Evaluation> {
+        self.moments.evaluate(&self.with(thresholds)?, settings)
     }
 
     /// Scores every fold of the sequences with maps and best keypoints of the others; see
@@ -162,10 +157,10 @@ impl Scoring {
         &self,
         folds: usize,
         seed: u64,
-        thresholds: &[(String, f64)],
+        thresholds: &Thresholds,
         settings: &Settings,
     ) -> Result<HeldOut> {
-        let objects = self.thresholds(thresholds)?;
+        let objects = self.with(thresholds)?;
         held_out(&self.sequences()?, folds, seed, &objects, settings)
     }
 
@@ -177,7 +172,7 @@ impl Scoring {
         &self,
         resamples: usize,
         seed: u64,
-        thresholds: &[(String, f64)],
+        thresholds: &Thresholds,
         settings: &Settings,
     ) -> Result<Intervals> {
         let (mut bootstrap, sequences) = self.start_bootstrap(seed, thresholds, settings)?;
@@ -192,14 +187,14 @@ impl Scoring {
     pub fn start_bootstrap(
         &self,
         seed: u64,
-        thresholds: &[(String, f64)],
+        thresholds: &Thresholds,
         settings: &Settings,
     ) -> Result<(Bootstrap, Arc<[Moments]>)> {
-        let bootstrap = Bootstrap::new(0.95, seed, self.thresholds(thresholds)?, *settings)?;
+        let bootstrap = Bootstrap::new(0.95, seed, self.with(thresholds)?, *settings)?;
         Ok((bootstrap, self.sequences()?))
     }
 
-    /// What others measure of the same frames; with the number of folds and the seed that deals the
+    /// Other metrics of the same frames; with the number of folds and the seed that deals the
     /// sequences to them also on frames that were not fitted.
     ///
     /// # Errors
@@ -255,28 +250,8 @@ impl Scoring {
         Ok(self.by_sequence.get_or_init(|| all.into()).clone())
     }
 
-    /// The objects with the thresholds that are given, or their default.
-    fn thresholds(&self, thresholds: &[(String, f64)]) -> Result<Vec<Object>> {
-        let mut objects: Vec<Object> = self
-            .names
-            .iter()
-            .map(Object::with_default_threshold)
-            .collect();
-        for (i, (name, threshold)) in thresholds.iter().enumerate() {
-            if thresholds[..i].iter().any(|(other, _)| other == name) {
-                return Err(Error::input(format!(
-                    "two thresholds are given for `{name}`; expected one"
-                )));
-            }
-            let Some(object) = objects.iter_mut().find(|o| o.name == *name) else {
-                return Err(Error::mismatch(format!(
-                    "a threshold is given for `{name}`; the ground truth has the objects {}",
-                    self.names.join(", ")
-                )));
-            };
-            object.threshold = *threshold;
-        }
-        Ok(objects)
+    fn with(&self, thresholds: &Thresholds) -> Result<Vec<Object>> {
+        thresholds.objects(&self.names, "the ground truth has")
     }
 
     /// The N keypoints (x, y) of joined frame `t` as they are, N x 2; `None` past the last frame.

@@ -3,11 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::scoring::{Context, SequenceError};
 use crate::data::Join;
 use crate::error::{Error, Result};
 use crate::metric::context::{Assignment, CLOSE, Regression};
-use crate::metric::{Evaluation, HeldOut, HeldOutObject, Intervals, Transform};
-use crate::scoring::{Context, SequenceError};
+use crate::metric::{AffineMap, Evaluation, HeldOut, HeldOutObject, Intervals, Transform};
 use crate::track::FrameKey;
 
 /// The name of the schema, before its number.
@@ -55,7 +55,7 @@ pub struct EvaluationReport {
     pub image_size: Option<[u32; 2]>,
     /// How frames found their rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub join: Option<JoinSummary>,
+    pub join: Option<JoinReport>,
     /// The same on sequences that the maps were not fitted on, where that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOutReport>,
@@ -148,20 +148,7 @@ pub struct HeldOutReport {
     /// The share of objects whose held-out error is at most their threshold.
     pub tc: f64,
     /// The objects.
-    pub objects: Vec<HeldOutObjectReport>,
-}
-
-/// One object of a [`HeldOutReport`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct HeldOutObjectReport {
-    /// Its name.
-    pub name: String,
-    /// Whether the error is at most the threshold.
-    pub tracked: bool,
-    /// The mean squared distance; null where no fold could be scored.
-    pub error: Option<f64>,
-    /// The best keypoint on the other folds, by the fold.
-    pub keypoints: Vec<Option<usize>>,
+    pub objects: Vec<HeldOutObject>,
 }
 
 /// [`Intervals`] as JSON.
@@ -193,17 +180,11 @@ pub struct IntervalReport {
 impl HeldOutReport {
     /// The report of `held_out`, whose folds `seed` dealt.
     pub fn new(held_out: &HeldOut, seed: u64) -> Self {
-        let object = |object: &HeldOutObject| HeldOutObjectReport {
-            name: object.name.clone(),
-            tracked: object.tracked,
-            error: object.error,
-            keypoints: object.keypoints.clone(),
-        };
         Self {
             folds: held_out.folds,
             seed,
             tc: held_out.tracking_capability,
-            objects: held_out.objects.iter().map(object).collect(),
+            objects: held_out.objects.clone(),
         }
     }
 }
@@ -256,7 +237,7 @@ pub struct ObjectReport {
     /// Of these, frames in which it lies outside the image; they count.
     pub outside: u64,
     /// `truth = a z + b` on column vectors (x, y).
-    pub map: Option<MapReport>,
+    pub map: Option<AffineMap>,
 }
 
 /// A keypoint and its error.
@@ -268,32 +249,9 @@ pub struct KeypointError {
     pub error: f64,
 }
 
-/// An affine map on column vectors (x, y).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct MapReport {
-    /// The matrix, row by row.
-    pub a: [[f64; 2]; 2],
-    /// The shift.
-    pub b: [f64; 2],
-}
-
 /// How frames found their rows.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(rename_all = "camelCase")]
-pub struct JoinReport {
-    /// Frames with a row.
-    pub matched: usize,
-    /// How sequences and frames were matched, in words.
-    pub rules: Vec<String>,
-    /// Frames without a row.
-    pub unmatched_frames: Unmatched,
-    /// Rows without a frame.
-    pub unmatched_rows: Unmatched,
-}
-
-/// [`JoinReport`] as it stands in the JSON of the command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct JoinSummary {
+pub struct JoinReport {
     /// Frames with a row.
     pub matched: usize,
     /// How sequences and frames were matched, in words.
@@ -349,10 +307,7 @@ impl EvaluationReport {
                     rmse_px: fit.zip(image_size).map(|(f, size)| f.rmse_px(size)),
                     frames: object.frames,
                     outside: object.outside,
-                    map: fit.map(|f| MapReport {
-                        a: f.map.a,
-                        b: f.map.b,
-                    }),
+                    map: fit.map(|f| f.map),
                 }
             })
             .collect();
@@ -379,7 +334,7 @@ impl EvaluationReport {
                 .collect(),
             objects,
             image_size,
-            join: join.map(JoinReport::summary),
+            join: join.cloned(),
             held_out: None,
             intervals: None,
             sequences: None,
@@ -569,16 +524,6 @@ impl ContextReport {
 }
 
 impl JoinReport {
-    /// The same, as it stands in the JSON of the command.
-    pub fn summary(&self) -> JoinSummary {
-        JoinSummary {
-            matched: self.matched,
-            rules: self.rules.clone(),
-            unmatched_frames: self.unmatched_frames.clone(),
-            unmatched_rows: self.unmatched_rows.clone(),
-        }
-    }
-
     fn warnings(&self) -> Vec<String> {
         let told = |what: &str, unmatched: &Unmatched| {
             let more = if unmatched.count > unmatched.first.len() {

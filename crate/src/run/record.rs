@@ -1,5 +1,4 @@
-//! What a run writes down: `config.json`, `log.jsonl`, `summary.json`. Reading it needs no
-//! training.
+//! What a run records: `config.json`, `log.jsonl` and `summary.json`.
 
 use std::collections::BTreeMap;
 
@@ -8,17 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::TrainConfig;
 use crate::device::Adapter;
 use crate::error::Error;
-use crate::report::EvaluationReport;
-
-/// `config.json` in a run folder.
-pub const CONFIG: &str = "config.json";
-/// `log.jsonl` in a run folder: an [`EpochLog`] a line.
-pub const LOG: &str = "log.jsonl";
-/// `summary.json` in a run folder.
-pub const SUMMARY: &str = "summary.json";
+use crate::evaluation::EvaluationReport;
 
 /// The parts of the loss.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Losses {
     /// What is minimised: reconstruction + weight * velocity.
     pub total: f64,
