@@ -8,7 +8,8 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 use tracklens::evaluation::EvaluationReport;
-use tracklens::report::{Theme, capability, evaluation_figures, matrix, sequences};
+use tracklens::report::draw::Theme;
+use tracklens::report::evaluation::{capability, evaluation_figures, matrix, sequences};
 
 /// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing;
 /// `hidden` is never visible.

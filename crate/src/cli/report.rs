@@ -13,9 +13,9 @@ use super::score::ThresholdArguments;
 use super::trajectories;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
-use crate::report::{
-    Grouping, Reference, ReferenceReport, Run, Runs, RunsReport, Unread, errors_csv, figures,
-    runs_csv, runs_markdown, runs_page,
+use crate::report::runs::{
+    Grouping, Reference, Run, Runs, RunsReport, Unread, errors_csv, runs_csv, runs_figures,
+    runs_latex, runs_markdown, runs_page,
 };
 use crate::run::{FoundRun, RunFiles, find_runs};
 
@@ -101,8 +101,10 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     }
     let runs = Runs::new(runs, &thresholds, &arguments.group_by)?;
     let mut report = RunsReport::new(&runs, unread, arguments.resamples, arguments.seed)?;
-    report.reference = reference.map(|reference| ReferenceReport::new(&reference, &report));
-    let mut figures = figures(&runs, &report)?;
+    if let Some(reference) = &reference {
+        report.compare_with(reference);
+    }
+    let mut figures = runs_figures(&runs, &report)?;
     if let Some(path) = &arguments.frames {
         let frames = arguments.reading.open(path)?;
         let truth = arguments.reading.need(
@@ -138,6 +140,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
             "report.md".to_owned(),
             runs_markdown(&report, &figures).into_bytes(),
         ),
+        ("tables.tex".to_owned(), runs_latex(&report).into_bytes()),
         ("report.json".to_owned(), json),
         (
             "report.html".to_owned(),

@@ -17,7 +17,7 @@ use crate::evaluation::{
     ContextReport, EvaluationReport, JoinReport, Request, Scoring, Threshold, Thresholds,
 };
 use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{evaluation_figures, evaluation_page};
+use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
 use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
@@ -185,7 +185,7 @@ impl ScoringArguments {
             eprintln!("note: {rule}");
         }
         if self.csv {
-            say!("{}", report.to_csv().trim_end());
+            say!("{}", evaluation_csv(&report).trim_end());
             for warning in &report.warnings {
                 eprintln!("warning: {warning}");
             }

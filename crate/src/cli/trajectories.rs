@@ -10,7 +10,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::ObjectReport;
 use crate::extract::{CpuExtractor, Extractor as _};
 use crate::metric::Object;
-use crate::report::{Figure, Group, Run, Runs, Scene, Trajectory, trajectories};
+use crate::report::draw::{Figure, FileNames};
+use crate::report::runs::{Group, Run, Runs, Scene, Trajectory, trajectories};
 use crate::run::CHECKPOINT_FINAL;
 use crate::track::GroundTruth;
 
@@ -42,11 +43,13 @@ pub(super) fn figures(
         )));
     }
     let mut figures = Vec::new();
+    let mut names = FileNames::default();
     for group in &runs.groups {
         let Some(run) = middle(group, &runs.objects) else {
             continue;
         };
-        match figure(group, run, &runs.objects, frames, truth, asked) {
+        let name = format!("trajectories-{}", names.unique(&group.name));
+        match figure(group, run, &runs.objects, name, frames, truth, asked) {
             Ok(figure) => figures.push(figure),
             Err(e) if e.kind() == ErrorKind::Cancelled => return Err(e),
             Err(e) => eprintln!("warning: no trajectories of {}: {e}", group.name),
@@ -73,6 +76,7 @@ fn figure(
     group: &Group,
     run: &Run,
     objects: &[Object],
+    name: String,
     frames: &dyn FrameSource,
     truth: &GroundTruth,
     asked: &[String],
@@ -200,12 +204,7 @@ fn figure(
          sequences; what lies outside the image is drawn at its edge.",
         group.name
     );
-    trajectories(
-        &format!("trajectories-{}", group.name),
-        caption,
-        &details,
-        &scenes,
-    )
+    trajectories(name, caption, &details, &scenes)
 }
 
 /// For each frame its row of ground truth.

@@ -1,4 +1,4 @@
-//! An evaluation as JSON and CSV (schema `tracklens/evaluation/2`, which `docs/metrics.md`
+//! An evaluation as JSON (schema `tracklens/evaluation/2`, which `docs/metrics.md`
 //! describes).
 
 use serde::{Deserialize, Serialize};
@@ -15,9 +15,6 @@ const SCHEMA: &str = "tracklens/evaluation/";
 /// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of
 /// images and command.
 const NEWEST: u32 = 2;
-
-const CSV_HEADER: &str = "object,tracked,error,threshold,best_keypoint,error_sum,rmse,rmse_px,frames,outside,\
-                          transform,rank,protocol\n";
 
 /// How many names of unmatched frames a report shows.
 const SHOWN: usize = 5;
@@ -398,34 +395,6 @@ impl EvaluationReport {
             )));
         }
         Ok(report)
-    }
-
-    /// One line an object as CSV: what a spreadsheet of many evaluations is made of.
-    pub fn to_csv(&self) -> String {
-        use std::fmt::Write as _;
-        let text = |value: Option<f64>| value.map(|v| v.to_string()).unwrap_or_default();
-        let mut out = String::from(CSV_HEADER);
-        for o in &self.objects {
-            let name = crate::data::quote_csv(&o.name);
-            let best = o.best_keypoint.map(|n| n.to_string()).unwrap_or_default();
-            // Writing to a String cannot fail.
-            let _ = writeln!(
-                out,
-                "{name},{},{},{},{best},{},{},{},{},{},{},{},{}",
-                o.tracked,
-                text(o.error),
-                o.threshold,
-                text(o.error_sum),
-                text(o.rmse),
-                text(o.rmse_px),
-                o.frames,
-                o.outside,
-                self.transform,
-                self.rank,
-                self.protocol
-            );
-        }
-        out
     }
 }
 

@@ -1,31 +1,10 @@
-//! Results and figures, the same for the terminal and the page.
+//! Results as figures, tables and documents, the same for the terminal and the page. [`draw`] holds
+//! what all of them are made of, [`Table`] is the one model of a table, [`evaluation`] shows one
+//! evaluation and [`runs`] many.
 
-mod decades;
-mod document;
-mod figure;
-mod figures;
-mod measured;
-mod page;
-mod plots;
-mod reference;
-mod runs;
-mod runs_page;
-mod runs_report;
-mod tables;
-mod trajectories;
+pub mod draw;
+pub mod evaluation;
+pub mod runs;
+mod table;
 
-pub use figure::{Color, LineFigure, LineSeries, PlotArea, draw_lines, lines_to_svg};
-pub use figures::{Drawn, Figure, Theme, capability, evaluation_figures, matrix, sequences};
-pub use page::evaluation_page;
-pub use plots::figures;
-pub use reference::{
-    Claim, ClaimComparison, ClaimReport, Pair, Reference, ReferenceNumbers, ReferenceReport,
-    ReferenceRow, Statistic,
-};
-pub use runs::{DataSet, Epoch, Group, Grouping, Run, Runs, Unread, data_sets};
-pub use runs_page::runs_page;
-pub use runs_report::{
-    GroupReport, ImprovementReport, IncompleteRun, ObjectRunsReport, RunReport, RunsReport,
-};
-pub use tables::{errors_csv, runs_csv, runs_markdown};
-pub use trajectories::{Scene, Trajectory, trajectories};
+pub use table::{Cell, Column, ColumnKind, Content, Emphasis, NONE, Number, Precision, Table};

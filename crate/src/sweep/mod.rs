@@ -9,6 +9,6 @@ mod folder;
 mod plan;
 mod slurm;
 
-pub use folder::{Claim, RunPlace, State};
+pub use folder::{RunPlace, State};
 pub use plan::{Plan, PlannedRun, Setting, SettingKind, SweepFile, architecture_named};
-pub use slurm::{Submission, array, script};
+pub use slurm::{Submission, script};

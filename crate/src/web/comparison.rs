@@ -10,9 +10,10 @@ use wasm_bindgen::prelude::*;
 use super::options::{from_js, thresholds};
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
-use crate::report::{
-    Figure, Grouping, Run, Runs, RunsReport, Unread, data_sets, errors_csv, figures, runs_csv,
-    runs_markdown, runs_page,
+use crate::report::draw::Figure;
+use crate::report::runs::{
+    Grouping, Run, Runs, RunsReport, Unread, data_sets, errors_csv, runs_csv, runs_figures,
+    runs_markdown, runs_page, runs_tables,
 };
 use crate::run::RunFiles;
 
@@ -174,7 +175,7 @@ impl Comparison {
             let runs = Runs::new(runs, &thresholds(options.thresholds)?, &grouping)?;
             let resamples = options.resamples.unwrap_or(RESAMPLES);
             let report = RunsReport::new(&runs, self.unread.clone(), resamples, options.seed)?;
-            let figures = figures(&runs, &report)?;
+            let figures = runs_figures(&runs, &report)?;
             Ok(Compared { report, figures })
         };
         compared().map_err(|e: Error| js_error(&e))
@@ -234,6 +235,15 @@ impl Compared {
     #[wasm_bindgen(getter)]
     pub fn report(&self) -> JsResult<JsValue> {
         to_js(&self.report)
+    }
+
+    /// The tables, as every output shows them.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn tables(&self) -> JsResult<JsValue> {
+        to_js(&runs_tables(&self.report))
     }
 
     /// The figures as SVG documents, with their captions.

@@ -15,14 +15,13 @@ use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
-use super::decades::{Decades, tick};
-use super::figures::{Figure, file_name};
-use super::measured::Measured;
-use super::runs::{Group, Run, Runs};
-use super::runs_report::{GroupReport, RunsReport};
+use super::group::{Group, Runs};
+use super::run::Run;
+use super::statistics::{GroupReport, RunsReport};
 use crate::error::{Error, Result};
 use crate::metric::Object;
 use crate::metric::stats::{Sample, performance_profile, smooth};
+use crate::report::draw::{Decades, Figure, FileNames, Measured, tick};
 
 /// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix,
 /// "Evaluation").
@@ -63,7 +62,7 @@ type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, Decades>>;
 ///
 /// # Errors
 /// When a figure cannot be drawn, or an error in a log is not a number.
-pub fn figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
+pub fn runs_figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
     let mut figures = vec![boxes(runs, report)?];
     if report.has_spread() {
         figures.insert(0, capabilities(report)?);
@@ -71,13 +70,15 @@ pub fn figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
     }
     // Detectors that were scored as they are have no epochs.
     let has_epochs = |group: &Group| group.complete().any(|run| !run.epochs.is_empty());
+    let mut names = FileNames::default();
     for (i, group) in runs
         .groups
         .iter()
         .enumerate()
         .filter(|(_, group)| has_epochs(group))
     {
-        figures.push(curves(runs, group, i)?);
+        let name = format!("errors-{}", names.unique(&group.name));
+        figures.push(curves(runs, group, i, name)?);
     }
     if runs.groups.iter().any(has_epochs) {
         figures.push(reconstruction(runs)?);
@@ -136,7 +137,7 @@ fn log_axis(values: impl Iterator<Item = f64>) -> Decades {
     Decades::around(values, FLOOR, MARGIN)
 }
 
-fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
+fn curves(runs: &Runs, group: &Group, place: usize, name: String) -> Result<Figure> {
     let objects = &runs.objects;
     let of = |k: usize| -> Result<Vec<Vec<f64>>> {
         let errors = |run: &Run| {
@@ -181,7 +182,7 @@ fn curves(runs: &Runs, group: &Group, place: usize) -> Result<Figure> {
         },
     )?;
     Ok(Figure {
-        name: format!("errors-{}", file_name(&group.name)),
+        name,
         caption: format!(
             "Tracking errors of {} over epochs on the validation sequences, a line a run, smoothed by a Gaussian of 2.5 \
              epochs; dashed: the threshold.",

@@ -6,10 +6,9 @@ use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
-use super::{Drawn, Theme, anchored, document, place, width_of};
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
-use crate::report::decades::{Decades, tick};
+use crate::report::draw::{Decades, Drawn, Theme, anchored, canvas, place, tick, width_of};
 
 /// Factors below are drawn here.
 const FLOOR: f64 = 1e-4;
@@ -48,7 +47,7 @@ pub fn capability(
     let ink = theme.foreground.rgb();
     let dashes = |color: RGBColor| ShapeStyle::from(&color).stroke_width(1);
 
-    document([width, 21 * theme.em() as u32], theme, |area| {
+    canvas([width, 21 * theme.em() as u32], theme, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(em / 2)
             .margin_top(2 * em)

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
+use super::group::{Group, Runs};
 use super::reference::ReferenceReport;
-use super::runs::{Group, Run, Runs, Unread};
+use super::run::{Run, Unread};
 use crate::error::Result;
 use crate::metric::Object;
 use crate::metric::stats::{
@@ -31,7 +32,7 @@ pub struct RunsReport {
     pub unread: Vec<Unread>,
     /// What a person should know before comparing the groups.
     pub notes: Vec<String>,
-    /// Published numbers beside these, where they were given.
+    /// How the runs compare with published numbers, where these were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<ReferenceReport>,
 }
@@ -180,6 +181,11 @@ impl RunsReport {
             notes: notes(runs),
             reference: None,
         })
+    }
+
+    /// The objects, as the first group has them.
+    pub fn objects(&self) -> &[ObjectRunsReport] {
+        self.groups.first().map_or(&[], |group| &group.objects)
     }
 
     /// The number of complete runs.

@@ -5,10 +5,11 @@ use plotters::style::colors::colormaps::{ColorMap, ViridisRGB};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
-use super::{Drawn, Theme, anchored, document, fitted, ink_on, short, width_of};
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
-use crate::report::decades::{above, below, power, tick};
+use crate::report::draw::{
+    Drawn, Theme, above, anchored, below, canvas, fitted, ink_on, power, short, tick, width_of,
+};
 
 /// Errors below this share of the largest have the brightest colour.
 const SPAN: f64 = 1e-6;
@@ -65,7 +66,7 @@ pub fn matrix(
     let muted = theme.text(theme.muted);
     let values_fit = cell >= width_of("0.0000", em - 2) + 6;
 
-    document(size.map(|side| side.max(1) as u32), theme, |area| {
+    canvas(size.map(|side| side.max(1) as u32), theme, |area| {
         for (k, (object, errors)) in report.objects.iter().zip(&report.errors).enumerate() {
             let y = top + k as i32 * row;
             let style = text.pos(anchored(HPos::Right, VPos::Center));

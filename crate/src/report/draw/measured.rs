@@ -11,10 +11,10 @@ type Done<B> = Result<(), DrawingErrorKind<<B as DrawingBackend>::ErrorType>>;
 /// plotters measures text in the browser by adding styled elements to the page, which needs a page
 /// (Node.js and workers have none) and inline styles (which a strict Content-Security-Policy
 /// forbids). Estimating also gives the page's figures and the files' the same layout.
-pub(super) struct Measured<B>(pub B);
+pub(in crate::report) struct Measured<B>(pub B);
 
 /// Mean advance of a sans-serif glyph, in ems.
-pub(super) const ADVANCE: f64 = 0.55;
+pub(in crate::report) const ADVANCE: f64 = 0.55;
 
 impl<B: DrawingBackend> DrawingBackend for Measured<B> {
     type ErrorType = B::ErrorType;

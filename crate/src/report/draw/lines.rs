@@ -37,7 +37,7 @@ impl TryFrom<String> for Color {
 }
 
 impl Color {
-    pub(super) fn rgb(self) -> RGBColor {
+    pub(in crate::report) fn rgb(self) -> RGBColor {
         RGBColor(self.0[0], self.0[1], self.0[2])
     }
 }

@@ -5,9 +5,8 @@ use plotters::element::{Circle, PathElement};
 use plotters::series::DashedLineSeries;
 use plotters::style::{Color as _, ShapeStyle};
 
-use super::{Drawn, Theme, document, place};
 use crate::error::Result;
-use crate::report::decades::{Decades, tick};
+use crate::report::draw::{Decades, Drawn, Theme, canvas, place, tick};
 
 /// Errors below are drawn here.
 const FLOOR: f64 = 1e-7;
@@ -28,7 +27,7 @@ pub fn sequences(
     let count = errors.len().max(1) as f64;
     let axis = Decades::around(errors.iter().copied().chain([threshold]), FLOOR, 1.0);
     let [low, high] = [axis.low(), axis.high()];
-    document([width, 19 * theme.em() as u32], theme, |area| {
+    canvas([width, 19 * theme.em() as u32], theme, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(em / 2)
             .margin_top(em)

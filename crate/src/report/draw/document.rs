@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::figures::Figure;
+use super::Figure;
 
 /// Figures are drawn in the colours of a light page; these are the ones that change in the dark.
 const STYLE: &str = "
@@ -57,7 +57,7 @@ figure .plate:not(.white) svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var
 ";
 
 /// A page of its own.
-pub(super) fn document(title: &str, body: &Markup) -> String {
+pub(in crate::report) fn document(title: &str, body: &Markup) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -73,31 +73,12 @@ pub(super) fn document(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
-/// A figure with its caption.
-pub(super) fn figure(figure: &Figure) -> Markup {
+/// A figure with its caption; on white where its colours are made for that.
+pub(in crate::report) fn figure(figure: &Figure, is_white: bool) -> Markup {
     html! {
         figure id=(figure.name) {
-            div.plate role="region" tabindex="0" aria-label=(figure.name) { (PreEscaped(&figure.svg)) }
+            div.plate.white[is_white] role="region" tabindex="0" aria-label=(figure.name) { (PreEscaped(&figure.svg)) }
             figcaption { (figure.caption) }
-        }
-    }
-}
-
-/// A number with its interval in small print.
-pub(super) fn with_interval(
-    value: Option<f64>,
-    interval: Option<[f64; 2]>,
-    digits: usize,
-) -> Markup {
-    html! {
-        @match value {
-            Some(value) => {
-                (format!("{value:.digits$}"))
-                @if let Some([low, high]) = interval {
-                    " " small { (format!("{low:.digits$}–{high:.digits$}")) }
-                }
-            }
-            None => { "–" }
         }
     }
 }

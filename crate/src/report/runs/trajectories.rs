@@ -9,10 +9,9 @@ use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::style::{Color as _, IntoFont as _, RGBColor, ShapeStyle, TextStyle};
 
-use super::figures::{Figure, file_name};
-use super::measured::Measured;
 use super::plots::{Backend, Done, EM, INK, PAPER, text};
 use crate::error::{Error, Result};
+use crate::report::draw::{Figure, Measured};
 
 /// Width of a frame in the figure, in pixels; its height follows.
 const FRAME: u32 = 220;
@@ -56,12 +55,12 @@ pub struct Trajectory {
 }
 
 /// A figure of `scenes` side by side, with a row an object: `objects` are its name and a line of
-/// smaller print below it.
+/// smaller print below it. `name` is the name of its files, see [`FileNames`](super::FileNames).
 ///
 /// # Errors
 /// When there is no scene, a scene has another number of objects, or the figure cannot be drawn.
 pub fn trajectories(
-    name: &str,
+    name: String,
     caption: String,
     objects: &[(String, String)],
     scenes: &[Scene],
@@ -129,7 +128,7 @@ pub fn trajectories(
     // all else; each is there once.
     let mut pictures = String::new();
     for (column, scene) in scenes.iter().enumerate() {
-        let id = format!("{}-{column}", file_name(name));
+        let id = format!("{}-{column}", name);
         let (height, data) = (height(scene), STANDARD.encode(&scene.png));
         pictures += &format!(
             "<defs><image id=\"{id}\" width=\"{FRAME}\" height=\"{height}\" preserveAspectRatio=\"none\" \
@@ -145,11 +144,7 @@ pub fn trajectories(
     }
     let open = svg.find("/>").map_or(0, |end| end + 2);
     svg.insert_str(open, &format!("\n{pictures}"));
-    Ok(Figure {
-        name: file_name(name),
-        caption,
-        svg,
-    })
+    Ok(Figure { name, caption, svg })
 }
 
 fn legend(area: &DrawingArea<Backend<'_>, Shift>) -> Done {

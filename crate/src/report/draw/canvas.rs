@@ -1,12 +1,7 @@
-//! The figures of one evaluation, as SVG by plotters: the matrix of errors, TC over thresholds,
-//! errors by sequence.
+//! SVG figures by plotters, and the text in them.
 //!
-//! What they show beside the picture (the place of the plot and the ranges of its axes) lets the
-//! page find values under the pointer.
-
-mod capability;
-mod matrix;
-mod sequences;
+//! With a figure comes where its plot lies and the ranges of its axes, so that the page finds values
+//! under the pointer.
 
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
@@ -16,29 +11,14 @@ use plotters::style::{Color as _, IntoFont, RGBColor, TextStyle};
 use serde::{Deserialize, Serialize};
 
 use super::decades::below;
-use super::figure::Color;
+use super::lines::Color;
 use super::measured::{ADVANCE, Measured};
 use crate::error::{Error, Result};
-use crate::evaluation::EvaluationReport;
-
-pub use capability::capability;
-pub use matrix::matrix;
-pub use sequences::sequences;
 
 type Backend<'a> = Measured<SVGBackend<'a>>;
-type Area<'a> = DrawingArea<Backend<'a>, Shift>;
-type Done<T = ()> = std::result::Result<T, DrawingAreaErrorKind<std::io::Error>>;
-
-/// One figure in a file or on a page.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Figure {
-    /// The name of its files, without the ending.
-    pub name: String,
-    /// What it shows, in one sentence.
-    pub caption: String,
-    /// The SVG document.
-    pub svg: String,
-}
+pub(in crate::report) type Area<'a> = DrawingArea<Backend<'a>, Shift>;
+pub(in crate::report) type Done<T = ()> =
+    std::result::Result<T, DrawingAreaErrorKind<std::io::Error>>;
 
 /// Colours and sizes of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -75,11 +55,11 @@ impl Theme {
         font_size: 13,
     };
 
-    fn em(&self) -> i32 {
+    pub(in crate::report) fn em(&self) -> i32 {
         self.font_size.clamp(1, 100) as i32
     }
 
-    fn text(&self, color: Color) -> TextStyle<'static> {
+    pub(in crate::report) fn text(&self, color: Color) -> TextStyle<'static> {
         let mut style = TextStyle::from(("sans-serif", self.em()).into_font());
         style.color = color.rgb().to_backend_color();
         style
@@ -103,65 +83,8 @@ pub struct Drawn {
     pub y: [f64; 2],
 }
 
-/// All figures of an evaluation, for files; those by sequence where it has the sequences.
-///
-/// # Errors
-/// When a figure cannot be drawn.
-pub fn evaluation_figures(report: &EvaluationReport) -> Result<Vec<Figure>> {
-    const WIDTH: u32 = 880;
-    let theme = &Theme::PRINT;
-    let mut figures = vec![
-        Figure {
-            name: "errors".to_owned(),
-            caption: "Tracking error of every keypoint for every object, on a logarithmic scale of colour: the brighter, the \
-                      closer. Outlined: the best keypoint of the object; dots: errors up to the threshold."
-                .to_owned(),
-            svg: matrix(report, &[], theme, WIDTH)?.svg,
-        },
-        Figure {
-            name: "capability".to_owned(),
-            caption: "Tracking capability with all thresholds times a common factor; an object joins where the factor reaches \
-                      its error divided by its threshold. Dashed: the thresholds as they are."
-                .to_owned(),
-            svg: capability(report, None, theme, WIDTH)?.svg,
-        },
-    ];
-    for of in report.sequences.iter().flatten() {
-        let threshold = report
-            .objects
-            .iter()
-            .find(|object| object.name == of.object);
-        let errors: Vec<f64> = of.errors.iter().map(|sequence| sequence.error).collect();
-        if let Some(object) = threshold {
-            figures.push(Figure {
-                name: format!("sequences-{}", file_name(&of.object)),
-                caption: format!(
-                    "Error of {} with keypoint {} in each of {} sequences, the worst one first; dashed: the threshold.",
-                    of.object,
-                    of.keypoint,
-                    errors.len()
-                ),
-                svg: sequences(&errors, object.threshold, None, theme, WIDTH)?.svg,
-            });
-        }
-    }
-    Ok(figures)
-}
-
-/// A name that every file system takes.
-pub(crate) fn file_name(name: &str) -> String {
-    let plain = |c: char| {
-        if c.is_ascii_alphanumeric() || c == '-' || c == '.' {
-            c
-        } else {
-            '_'
-        }
-    };
-    name.chars().map(plain).collect()
-}
-
 /// Draws a document; `draw` returns the place of the plot and the ranges of its axes.
-fn document(
+pub(in crate::report) fn canvas(
     size: [u32; 2],
     theme: &Theme,
     draw: impl for<'a> FnOnce(&Area<'a>) -> Done<([f64; 4], [f64; 2], [f64; 2])>,
@@ -193,18 +116,18 @@ fn document(
 }
 
 /// The place of a chart's plot.
-fn place(ranges: (std::ops::Range<i32>, std::ops::Range<i32>)) -> [f64; 4] {
+pub(in crate::report) fn place(ranges: (std::ops::Range<i32>, std::ops::Range<i32>)) -> [f64; 4] {
     let (x, y) = ranges;
     [x.start, y.start, x.end - x.start, y.end - y.start].map(f64::from)
 }
 
 /// The width of a text in pixels, as every figure estimates it.
-fn width_of(text: &str, em: i32) -> i32 {
+pub(in crate::report) fn width_of(text: &str, em: i32) -> i32 {
     (ADVANCE * f64::from(em) * text.chars().count() as f64).ceil() as i32
 }
 
 /// A text of at most `room` pixels.
-fn fitted(text: &str, em: i32, room: i32) -> String {
+pub(in crate::report) fn fitted(text: &str, em: i32, room: i32) -> String {
     if width_of(text, em) <= room {
         return text.to_owned();
     }
@@ -213,12 +136,12 @@ fn fitted(text: &str, em: i32, room: i32) -> String {
     kept + "…"
 }
 
-fn anchored(h: HPos, v: VPos) -> Pos {
+pub(in crate::report) fn anchored(h: HPos, v: VPos) -> Pos {
     Pos::new(h, v)
 }
 
 /// An error as it stands in a cell: two significant digits.
-fn short(value: f64) -> String {
+pub(in crate::report) fn short(value: f64) -> String {
     if value == 0.0 {
         "0".to_owned()
     } else if (1e-3..1e4).contains(&value) {
@@ -230,7 +153,7 @@ fn short(value: f64) -> String {
 }
 
 /// Black or white, whichever can be read on `color`.
-fn ink_on(color: RGBColor) -> RGBColor {
+pub(in crate::report) fn ink_on(color: RGBColor) -> RGBColor {
     let linear = |c: u8| {
         let c = f64::from(c) / 255.0;
         if c <= 0.04045 {

@@ -13,7 +13,7 @@ const PARTS: f64 = 1e9;
 
 /// The axis between two powers of ten, with marks at powers of ten alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Decades {
+pub(in crate::report) struct Decades {
     low: i32,
     high: i32,
 }
@@ -77,13 +77,13 @@ impl Ranged for Decades {
 }
 
 /// A power of ten; exact as far as a float can hold it, or the float next to it.
-pub(super) fn power(exponent: i32) -> f64 {
+pub(in crate::report) fn power(exponent: i32) -> f64 {
     // Products of tens are exact here, up to 1e22.
     10.0_f64.powi(exponent)
 }
 
 /// The exponent of the greatest power of ten that is not above a positive value.
-pub(super) fn below(value: f64) -> i32 {
+pub(in crate::report) fn below(value: f64) -> i32 {
     let near = value.log10().floor() as i32;
     // The logarithm of a power of ten may come out on either side.
     if power(near + 1) <= value {
@@ -96,13 +96,13 @@ pub(super) fn below(value: f64) -> i32 {
 }
 
 /// The exponent of the least power of ten that is not below a positive value.
-pub(super) fn above(value: f64) -> i32 {
+pub(in crate::report) fn above(value: f64) -> i32 {
     let below = below(value);
     below + i32::from(power(below) < value)
 }
 
 /// A power of ten as it stands at its mark.
-pub(super) fn tick(value: f64) -> String {
+pub(in crate::report) fn tick(value: f64) -> String {
     if (0.001..100_000.0).contains(&value) {
         let digits = (-below(value)).max(0) as usize;
         format!("{value:.digits$}")
