@@ -227,6 +227,7 @@ fn plan(arguments: &PlanArguments) -> Result<()> {
         Some(out) => std::path::absolute(out).map_err(|e| Error::io(out.display(), &e))?,
         None => sweep.out,
     };
+    check_folder(&out)?;
     fs::create_dir_all(&out).map_err(|e| Error::io(out.display(), &e))?;
     let path = out.join(PLAN);
     let text = plan.to_jsonl()?;
@@ -246,9 +247,21 @@ fn plan(arguments: &PlanArguments) -> Result<()> {
     Ok(())
 }
 
+/// Refuses a folder whose path would break the scripts and lists of commands that name it.
+fn check_folder(folder: &Path) -> Result<()> {
+    match folder.to_string_lossy().contains(char::is_control) {
+        true => Err(Error::input(format!(
+            "the folder of the sweep, {folder:?}, has a line break or another control character in its path; use another \
+             folder"
+        ))),
+        false => Ok(()),
+    }
+}
+
 /// The plan of a sweep, and its folder as an absolute path.
 fn open(sweep: &Path) -> Result<(Plan, PathBuf)> {
     let folder = std::path::absolute(sweep).map_err(|e| Error::io(sweep.display(), &e))?;
+    check_folder(&folder)?;
     let path = folder.join(PLAN);
     let text = fs::read_to_string(&path).map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => Error::new(
@@ -338,7 +351,7 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
     let mut waiting = VecDeque::new();
     let (mut complete, mut elsewhere, mut failed) = (0, Vec::new(), Vec::new());
     for (i, run) in plan.runs.iter().enumerate() {
-        match RunPlace::new(&folder, &run.run).state(epochs(run)?)? {
+        match state(&folder, run).1 {
             State::Done => complete += 1,
             State::Running { holder, .. } => {
                 elsewhere.push(format!("{}: {holder} works on it", run.run))
@@ -370,8 +383,16 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
                 break;
             };
             let place = RunPlace::new(&folder, &run.run);
-            let process = start(&program, &folder, &place, line, threads)?;
-            let bar = bars.insert_before(&overall, ProgressBar::new(u64::from(epochs(run)?)));
+            let process = match start(&program, &folder, &place, line, threads) {
+                Ok(process) => process,
+                Err(e) => {
+                    overall.suspend(|| eprintln!("{}: {e}", run.run));
+                    failed.push(run.run.as_str());
+                    continue;
+                }
+            };
+            let planned = state(&folder, run).0;
+            let bar = bars.insert_before(&overall, ProgressBar::new(planned.into()));
             bar.set_style(style("{msg} {wide_bar} epoch {pos}/{len} ({eta} left)"));
             bar.set_message(run.run.clone());
             jobs.push(Job {
@@ -406,9 +427,13 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
                 complete += 1;
                 overall.set_position(complete);
             } else if asked_to_stop.is_none() {
-                let why = match job.place.state(epochs(job.run)?)? {
+                let why = match state(&folder, job.run).1 {
                     State::Failed { error, .. } => error,
-                    State::Running { holder, .. } => format!("{holder} works on it"),
+                    // Another process was faster.
+                    State::Running { holder, .. } => {
+                        elsewhere.push(format!("{}: {holder} works on it", job.run.run));
+                        continue;
+                    }
                     _ => format!("ended with {status}; see {}", said(&job.place).display()),
                 };
                 overall.suspend(|| eprintln!("{}: {why}", job.run.run));
@@ -493,17 +518,24 @@ struct RunStatus<'a> {
     state: State,
 }
 
-fn states(plan: &Plan, folder: &Path) -> Result<Vec<(u32, State)>> {
-    let state = |run: &PlannedRun| -> Result<(u32, State)> {
-        let epochs = epochs(run)?;
-        Ok((epochs, RunPlace::new(folder, &run.run).state(epochs)?))
-    };
-    plan.runs.iter().map(state).collect()
+/// The epochs that a run is to have, and its state. A run whose arguments cannot be read has failed.
+fn state(folder: &Path, run: &PlannedRun) -> (u32, State) {
+    match epochs(run) {
+        Ok(epochs) => (epochs, RunPlace::new(folder, &run.run).state(epochs)),
+        Err(e) => {
+            let error = e.to_string();
+            (0, State::Failed { error, epochs: 0 })
+        }
+    }
+}
+
+fn states(plan: &Plan, folder: &Path) -> Vec<(u32, State)> {
+    plan.runs.iter().map(|run| state(folder, run)).collect()
 }
 
 fn status(arguments: &StatusArguments) -> Result<()> {
     let (plan, folder) = open(&arguments.sweep)?;
-    let states = states(&plan, &folder)?;
+    let states = states(&plan, &folder);
     if arguments.json {
         let runs = plan.runs.iter().zip(&states).enumerate();
         let runs: Vec<RunStatus> = runs
@@ -580,7 +612,7 @@ fn submit(arguments: &SubmitArguments) -> Result<()> {
         partition: arguments.partition.clone(),
         options: arguments.options.clone(),
     };
-    let left = lines(&states(&plan, &folder)?, is_left);
+    let left = lines(&states(&plan, &folder), is_left);
     let json = serde_json::to_vec_pretty(&submission).map_err(|e| Error::input(e.to_string()))?;
     atomic::write(&folder.join(SUBMISSION), &json)?;
     sbatch(&submission, &left, &folder, arguments.dry_run)
@@ -628,7 +660,7 @@ fn sbatch(submission: &Submission, lines: &[usize], folder: &Path, dry_run: bool
 
 fn export(arguments: &ExportArguments) -> Result<()> {
     let (plan, folder) = open(&arguments.sweep)?;
-    let left = lines(&states(&plan, &folder)?, is_left);
+    let left = lines(&states(&plan, &folder), is_left);
     if left.is_empty() {
         eprintln!("no run is left");
         return Ok(());

@@ -66,11 +66,16 @@ impl RunPlace {
         }
     }
 
-    /// What state the run is in, when it is to have `epochs` epochs.
-    ///
-    /// # Errors
-    /// When a file that is there cannot be read.
-    pub fn state(&self, epochs: u32) -> Result<State> {
+    /// What state the run is in, when it is to have `epochs` epochs. A run with a file that cannot
+    /// be read has failed, with the reason.
+    pub fn state(&self, epochs: u32) -> State {
+        self.read_state(epochs).unwrap_or_else(|e| State::Failed {
+            error: e.to_string(),
+            epochs: self.epochs(),
+        })
+    }
+
+    fn read_state(&self, epochs: u32) -> Result<State> {
         if self.is_complete(epochs)? {
             return Ok(State::Done);
         }
@@ -174,8 +179,10 @@ impl RunPlace {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
             Err(e) => return Err(Error::io(path.display(), &e)),
         };
-        let summary: TrainSummary = serde_json::from_slice(&bytes)
-            .map_err(|e| Error::input(e.to_string()).at(path.display()))?;
+        let summary: TrainSummary = serde_json::from_slice(&bytes).map_err(|e| {
+            let remedy = "delete the folder of the run to train it again";
+            Error::input(format!("cannot be read ({e}); {remedy}")).at(path.display())
+        })?;
         Ok(summary.epochs >= epochs)
     }
 

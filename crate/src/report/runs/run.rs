@@ -65,7 +65,10 @@ impl Run {
         let wrong =
             |file: &str, e: &serde_json::Error| unread(format!("{file} cannot be read: {e}"));
         let Some(config) = files.config else {
-            let missing = || "config.json is missing: it ended before it began to train".to_owned();
+            let missing = || match files.log.or(files.summary) {
+                Some(_) => "config.json is missing".to_owned(),
+                None => "config.json is missing: it ended before it began to train".to_owned(),
+            };
             return Err(unread(failed.unwrap_or_else(missing)));
         };
         let config: RunConfig =
