@@ -320,7 +320,7 @@ fn a_saved_evaluation_is_read_again_and_newer_ones_are_refused() {
         told(&with("errors", serde_json::json!([[1.0]]))).contains("expected one row an object")
     );
     assert!(told(&with("objects", Value::Null)).contains("not complete"));
-    assert!(told(&Value::from(3)).contains("no JSON of an evaluation"));
+    assert!(told(&Value::from(3)).contains("not the JSON of an evaluation"));
 
     // The first schema: without what came later.
     let mut first = value;

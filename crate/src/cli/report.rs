@@ -42,7 +42,7 @@ pub(super) struct ReportArguments {
     /// Seeds the draws
     #[arg(long, value_name = "SEED", default_value_t = 0)]
     seed: u64,
-    /// Published numbers to set beside these (TOML, e.g. sweeps/paper-results.toml)
+    /// Published numbers to compare with (TOML, e.g. sweeps/paper-results.toml)
     #[arg(long, value_name = "FILE.toml")]
     reference: Option<PathBuf>,
     /// The data set of the runs, for trajectories on its frames: a folder of image sequences or a

@@ -1,21 +1,19 @@
-//! `tracklens score`, and how evaluations are shown.
+//! `tracklens score`, and the options of scoring.
 
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use comfy_table::CellAlignment;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
 use super::files::{self, KeypointsReading, TruthArguments};
+use super::outcome;
 use super::painter::Painter;
+use super::terminal::own_command;
 use crate::atomic;
-use crate::command_line::{self, shell_line};
+use crate::command_line;
 use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
-use crate::evaluation::{
-    ContextReport, EvaluationReport, JoinReport, Request, Scoring, Threshold, Thresholds,
-};
+use crate::evaluation::{EvaluationReport, JoinReport, Request, Scoring, Threshold, Thresholds};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
 use crate::track::{GroundTruth, KeypointTrack};
@@ -68,13 +66,13 @@ pub(super) struct ScoringArguments {
     /// Also give 95 % intervals, by drawing the sequences this many times with replacement
     #[arg(long = command_line::BOOTSTRAP, value_name = "RESAMPLES")]
     bootstrap: Option<usize>,
-    /// Deals sequences to folds and draws the bootstrap
+    /// Seed of the folds and the bootstrap
     #[arg(long = command_line::RESAMPLING_SEED, value_name = "SEED", default_value_t = 0)]
     resampling_seed: u64,
     /// Also give the error of every object by sequence, the worst one first
     #[arg(long = command_line::SEQUENCES)]
     sequences: bool,
-    /// Also give what others measure: linear regression from all keypoints with PCK (Jakab et al.),
+    /// Also give other metrics: linear regression from all keypoints with PCK (Jakab et al.),
     /// precision and recall of a min-cost assignment (Kulkarni et al.)
     #[arg(long = command_line::CONTEXT)]
     context: bool,
@@ -115,7 +113,7 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
         .filter(|sides: &[u32; 2]| sides.iter().all(|s| *s > 0))
         .ok_or_else(|| {
             Error::input(format!(
-                "`{text}` is no size; expected WIDTHxHEIGHT, e.g. 256x256"
+                "`{text}` is not a size; expected WIDTHxHEIGHT, e.g. 256x256"
             ))
         })
 }
@@ -195,23 +193,10 @@ impl ScoringArguments {
             })?;
             say!("{json}");
         } else {
-            print_table(&report)?;
+            outcome::print(&report)?;
         }
         Ok(())
     }
-}
-
-/// How this program was called.
-fn own_command() -> Result<String> {
-    let arguments: Vec<String> = std::env::args_os()
-        .skip(1)
-        .map(|argument| argument.to_string_lossy().into_owned())
-        .collect();
-    shell_line(
-        ["tracklens"]
-            .into_iter()
-            .chain(arguments.iter().map(String::as_str)),
-    )
 }
 
 fn write_figures(report: &EvaluationReport, folder: &Path) -> Result<()> {
@@ -224,133 +209,5 @@ fn write_figures(report: &EvaluationReport, folder: &Path) -> Result<()> {
         atomic::write(&path("png"), &painter.png(&figure.svg)?)?;
     }
     eprintln!("{} figures written to {}", figures.len(), folder.display());
-    Ok(())
-}
-
-fn print_table(report: &EvaluationReport) -> Result<()> {
-    let mut table = comfy_table::Table::new();
-    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header([
-        "object",
-        "tracked",
-        "error",
-        "threshold",
-        "best keypoint",
-        "RMSE",
-        "frames",
-    ]);
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.5}"));
-    for object in &report.objects {
-        let rmse = match object.rmse_px {
-            Some(px) => format!("{} ({px:.1} px)", number(object.rmse)),
-            None => number(object.rmse),
-        };
-        table.add_row([
-            object.name.clone(),
-            if object.tracked { "yes" } else { "no" }.to_owned(),
-            number(object.error),
-            object.threshold.to_string(),
-            object
-                .best_keypoint
-                .map_or_else(|| "–".to_owned(), |n| n.to_string()),
-            rmse,
-            object.frames.to_string(),
-        ]);
-    }
-    for column in 2..7 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    let tracked = report.objects.iter().filter(|o| o.tracked).count();
-    say!(
-        "TC {:.3}: {tracked} of {} objects tracked over {} frames",
-        report.tc,
-        report.objects.len(),
-        report.frames
-    );
-    say!("{table}");
-    if let Some(intervals) = &report.intervals {
-        let range = |name: &str, [low, high]: [f64; 2]| format!("{name} {low:.5} to {high:.5}");
-        let errors = intervals.objects.iter();
-        let errors: Vec<String> = errors
-            .filter_map(|o| Some(range(&o.name, o.error?)))
-            .collect();
-        say!(
-            "95 % intervals over sequences of these errors, fitted and scored on the same frames ({} resamples): {}; {}",
-            intervals.resamples,
-            range("TC", intervals.tc),
-            errors.join("; ")
-        );
-    }
-    if let Some(held_out) = &report.held_out {
-        let objects = held_out.objects.iter();
-        let errors: Vec<String> = objects
-            .map(|o| format!("{} {}", o.name, number(o.error)))
-            .collect();
-        say!(
-            "on held-out sequences ({} folds): TC {:.3}; {}",
-            held_out.folds,
-            held_out.tc,
-            errors.join("; ")
-        );
-    }
-    if let Some(sequences) = &report.sequences {
-        for of in sequences {
-            let worst = of.errors.iter().take(3).map(|sequence| {
-                format!(
-                    "{} {:.5} (frame {} {:.5})",
-                    sequence.sequence, sequence.error, sequence.worst_frame, sequence.worst_error
-                )
-            });
-            let worst: Vec<String> = worst.collect();
-            say!("worst sequences of {}: {}", of.object, worst.join("; "));
-        }
-    }
-    if let Some(context) = &report.context {
-        print_context(context)?;
-    }
-    say!(
-        "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
-        report.transform,
-        report.rank
-    );
-    for warning in &report.warnings {
-        say!("warning: {warning}");
-    }
-    Ok(())
-}
-
-fn print_context(context: &ContextReport) -> Result<()> {
-    let shares = |shares: &[f64]| {
-        let shares = context.close.iter().zip(shares);
-        let shares: Vec<String> = shares
-            .map(|(close, share)| format!("{:.1} % within {:.1} %", 100.0 * share, 100.0 * close))
-            .collect();
-        shares.join(", ")
-    };
-    for row in &context.regression {
-        say!(
-            "linear regression from all keypoints, {}, of {}: error {}; PCK {}",
-            if row.held_out {
-                "held out"
-            } else {
-                "same frames"
-            },
-            row.object,
-            row.error
-                .map_or_else(|| "–".to_owned(), |e| format!("{e:.5}")),
-            row.pck
-                .as_ref()
-                .map_or_else(|| "–".to_owned(), |pck| shares(pck))
-        );
-    }
-    for row in &context.assignment {
-        say!(
-            "min-cost assignment once a {}: precision {}; recall {}",
-            row.trajectory,
-            shares(&row.precision),
-            shares(&row.recall)
-        );
-    }
     Ok(())
 }

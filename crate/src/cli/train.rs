@@ -194,7 +194,11 @@ fn parse_bytes(text: &str) -> Result<u64> {
             .contains(&number)
             .then_some((number * f64::from(*bits).exp2()) as u64)
     });
-    found.ok_or_else(|| Error::input(format!("`{text}` is no size; expected e.g. 512MiB or 4GiB")))
+    found.ok_or_else(|| {
+        Error::input(format!(
+            "`{text}` is not a size; expected e.g. 512MiB or 4GiB"
+        ))
+    })
 }
 
 impl TrainArguments {

@@ -21,6 +21,7 @@ const SHOWN: usize = 5;
 
 /// The result of scoring one detector, as written to JSON. Points and errors are in ndc, (x, y).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct EvaluationReport {
     /// `tracklens/evaluation/2`.
     pub schema: String,
@@ -45,12 +46,12 @@ pub struct EvaluationReport {
     pub objects: Vec<ObjectReport>,
     /// `e_{n,k}`: per object, one error a keypoint; null when the object is visible nowhere.
     pub errors: Vec<Vec<Option<f64>>>,
-    /// What a person should know.
+    /// Warnings for the reader.
     pub warnings: Vec<String>,
     /// Width and height of the images in pixels, where they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<[u32; 2]>,
-    /// How frames found their rows.
+    /// How frames were matched to rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub join: Option<JoinReport>,
     /// The same on sequences that the maps were not fitted on, where that was asked for.
@@ -63,7 +64,7 @@ pub struct EvaluationReport {
     /// objects that are visible.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequences: Option<Vec<SequencesReport>>,
-    /// What others measure of the same data, where it was asked for.
+    /// Other metrics of the same data, where they were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub context: Option<ContextReport>,
 }
@@ -96,6 +97,7 @@ pub struct SequenceReport {
 
 /// [`Context`] as JSON; the shares stand in the order of `close`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ContextReport {
     /// The distances that count as close, as shares of the side of the image.
     pub close: Vec<f64>,
@@ -137,10 +139,11 @@ pub struct AssignmentReport {
 
 /// [`HeldOut`] as JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct HeldOutReport {
     /// The number of folds of the sequences.
     pub folds: usize,
-    /// Deals the sequences to the folds.
+    /// The seed that deals the sequences to the folds.
     pub seed: u64,
     /// The share of objects whose held-out error is at most their threshold.
     pub tc: f64,
@@ -150,6 +153,7 @@ pub struct HeldOutReport {
 
 /// [`Intervals`] as JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct IntervalsReport {
     /// `percentile bootstrap over sequences`.
     pub method: String,
@@ -157,11 +161,11 @@ pub struct IntervalsReport {
     pub level: f64,
     /// The number of resamples.
     pub resamples: usize,
-    /// Draws them.
+    /// The seed that draws them.
     pub seed: u64,
-    /// Of the tracking capability.
+    /// The interval of the tracking capability.
     pub tc: [f64; 2],
-    /// Of the objects' errors.
+    /// The intervals of the objects' errors.
     pub objects: Vec<IntervalReport>,
 }
 
@@ -170,7 +174,7 @@ pub struct IntervalsReport {
 pub struct IntervalReport {
     /// Its name.
     pub name: String,
-    /// Of the tracking error of its best keypoint; null where a resample does not show the object.
+    /// The interval of the tracking error of its best keypoint; null where a resample does not show the object.
     pub error: Option<[f64; 2]>,
 }
 
@@ -208,6 +212,7 @@ impl IntervalsReport {
 
 /// One object of an [`EvaluationReport`]; null where the object is visible in no frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ObjectReport {
     /// Its name.
     pub name: String,
@@ -231,7 +236,7 @@ pub struct ObjectReport {
     pub rmse_px: Option<f64>,
     /// Frames in which the object is visible.
     pub frames: u64,
-    /// Of these, frames in which it lies outside the image; they count.
+    /// How many of them it lies outside the image in; they are included.
     pub outside: u64,
     /// `truth = a z + b` on column vectors (x, y).
     pub map: Option<AffineMap>,
@@ -246,7 +251,7 @@ pub struct KeypointError {
     pub error: f64,
 }
 
-/// How frames found their rows.
+/// How frames were matched to rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JoinReport {
     /// Frames with a row.
@@ -259,7 +264,7 @@ pub struct JoinReport {
     pub unmatched_rows: Unmatched,
 }
 
-/// What found no partner.
+/// Frames or rows without a partner.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unmatched {
     /// How many.
@@ -342,7 +347,7 @@ impl EvaluationReport {
     /// Reads the JSON of an evaluation, of this schema or an older one. `name` is that of the file.
     ///
     /// # Errors
-    /// When it is no such JSON, of a newer schema, or its parts do not fit each other; the message
+    /// When it is not such JSON, has a newer schema, or its parts do not fit each other; the message
     /// says what to do.
     pub fn parse(bytes: &[u8], name: &str) -> Result<Self> {
         let wrong = |text: String| Error::input(text).at(name);
@@ -352,7 +357,7 @@ impl EvaluationReport {
         }
         let head: Head = serde_json::from_slice(bytes).map_err(|e| {
             wrong(format!(
-                "no JSON of an evaluation ({e}); expected what `tracklens score --json` prints"
+                "not the JSON of an evaluation ({e}); expected what `tracklens score --json` prints"
             ))
         })?;
         let schema = head.schema.as_deref().unwrap_or_default();
@@ -376,7 +381,7 @@ impl EvaluationReport {
         }
         let report: Self = serde_json::from_slice(bytes).map_err(|e| {
             wrong(format!(
-                "an evaluation that is not complete: {e}; save it again"
+                "the evaluation is not complete: {e}; save it again"
             ))
         })?;
         let keypoints = report.errors.first().map_or(0, Vec::len);
@@ -408,13 +413,13 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
             ));
         } else if object.frames < 30 {
             out.push(format!(
-                "object `{}` is visible in {} frames: a fitted map needs more to say something",
+                "object `{}` is visible in only {} frames, too few to judge a fitted map",
                 object.name, object.frames
             ));
         }
         if object.outside > 0 {
             out.push(format!(
-                "object `{}` lies outside the image in {} of {} frames; they count",
+                "object `{}` is outside the image in {} of {} frames (included)",
                 object.name, object.outside, object.frames
             ));
         }
@@ -494,7 +499,7 @@ impl ContextReport {
 
 impl JoinReport {
     fn warnings(&self) -> Vec<String> {
-        let told = |what: &str, unmatched: &Unmatched| {
+        let counted = |what: &str, unmatched: &Unmatched| {
             let more = if unmatched.count > unmatched.first.len() {
                 "; …"
             } else {
@@ -508,11 +513,11 @@ impl JoinReport {
                 )
             })
         };
-        let frames = told(
+        let frames = counted(
             "frame(s) without a row of ground truth do not count",
             &self.unmatched_frames,
         );
-        let rows = told(
+        let rows = counted(
             "frame(s) of the ground truth without keypoints do not count",
             &self.unmatched_rows,
         );

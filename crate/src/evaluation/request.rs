@@ -21,7 +21,7 @@ pub struct Request {
     pub folds: Option<usize>,
     /// Also give 95 % intervals, from this many resamples.
     pub bootstrap: Option<usize>,
-    /// Deals sequences to folds and draws the bootstrap.
+    /// Seeds the folds and the bootstrap.
     pub seed: u64,
     /// Also give the errors by sequence.
     pub sequences: bool,
@@ -30,7 +30,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// Scores; `join` is how the frames of `scoring` found their rows.
+    /// Scores; `join` says how the frames of `scoring` were matched to rows.
     ///
     /// # Errors
     /// As the calls of [`Scoring`] that it makes.
@@ -40,14 +40,14 @@ impl Request {
         let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
         if settings.transform != Transform::Identity && self.folds.is_none() {
             let sequences = scoring.sequence_count();
-            let told = scoring.hardly_moving()?.into_iter().map(|k| {
+            let warnings = scoring.hardly_moving()?.into_iter().map(|k| {
                 format!(
                     "object `{}` hardly moves within the {sequences} sequences: a fitted map comes close to so few positions \
                      whatever the keypoint does. Score more sequences, or on held-out folds (--folds)",
                     scoring.objects()[k]
                 )
             });
-            report.warnings.extend(told);
+            report.warnings.extend(warnings);
         }
         if let Some(folds) = self.folds {
             let held_out = scoring.held_out(folds, seed, thresholds, settings)?;

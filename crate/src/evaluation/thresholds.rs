@@ -64,7 +64,7 @@ impl FromStr for Threshold {
         match value.parse::<f64>() {
             Ok(number) => Self::new(object, number),
             Err(_) => Err(Error::input(format!(
-                "the threshold of `{object}` is `{value}`, which is no number; {EXPECTED}"
+                "the threshold of `{object}` is `{value}`, which is not a number; {EXPECTED}"
             ))),
         }
     }

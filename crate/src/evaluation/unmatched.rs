@@ -11,9 +11,9 @@ use crate::track::FrameKey;
 pub struct UnmatchedSequence {
     /// The name of the sequence.
     pub sequence: String,
-    /// How many.
+    /// How many there are.
     pub count: usize,
-    /// Their numbers, runs together: `0–4, 7`.
+    /// Their numbers, e.g. `0–4, 7`.
     pub frames: String,
 }
 
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unmatched_frames_are_told_by_sequence_with_runs_together() {
+    fn unmatched_frames_are_listed_by_sequence_with_ranges() {
         let key = |sequence: &str, frame| FrameKey {
             sequence: sequence.to_owned(),
             frame,

@@ -140,7 +140,7 @@ impl TrainConfig {
         }
     }
 
-    /// Checks that every value makes sense.
+    /// Checks every value.
     ///
     /// # Errors
     /// Names the value and what is allowed.

@@ -79,7 +79,7 @@ pub struct EpochLog {
     pub errors: BTreeMap<String, BTreeMap<String, Option<f64>>>,
 }
 
-/// What a training came to; `summary.json`.
+/// The result of a training; `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainSummary {
     /// The version that trained.
@@ -98,8 +98,8 @@ pub struct TrainSummary {
     pub evaluation: Option<EvaluationReport>,
 }
 
-/// The epochs of a `log.jsonl`, up to the first line that is none; and what is wrong with that
-/// line, which is the last one of a run that was ended while it wrote.
+/// The epochs of a `log.jsonl` up to the first line that cannot be read, and what is wrong with that
+/// line. A run that ends while it writes leaves such a line.
 pub fn read_log(bytes: &[u8]) -> (Vec<EpochLog>, Option<Error>) {
     let mut epochs = Vec::new();
     for (i, line) in bytes.split(|b| *b == b'\n').enumerate() {

@@ -1,4 +1,4 @@
-//! The folder of one run of a sweep: who works on it, and how far it has come.
+//! The folder of one run of a sweep: which process works on it, and how far it is.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
@@ -25,16 +25,16 @@ pub struct RunPlace {
 pub enum State {
     /// Complete.
     Done,
-    /// Somebody works on it.
+    /// A process works on it.
     Running {
-        /// Who, as they said.
+        /// The process, as it names itself.
         holder: String,
         /// Whole epochs so far.
         epochs: u64,
     },
     /// The last attempt ended with an error.
     Failed {
-        /// What it said.
+        /// The error.
         error: String,
         /// Whole epochs so far.
         epochs: u64,

@@ -58,7 +58,7 @@ struct RunLine<'a> {
 
 #[wasm_bindgen]
 impl Comparison {
-    /// Of no run yet.
+    /// Without any run.
     #[wasm_bindgen(constructor)]
     pub fn new() -> Comparison {
         Self::default()
@@ -68,8 +68,8 @@ impl Comparison {
     /// as far as they are there.
     ///
     /// # Errors
-    /// When `files` holds something else than bytes. A folder that cannot be read is none: it is
-    /// counted.
+    /// When `files` holds something else than bytes. A folder that cannot be read is not an
+    /// error: it is counted.
     #[wasm_bindgen(js_name = addRun)]
     pub fn add_run(&mut self, name: &str, files: &Object) -> JsResult<()> {
         let bytes = |key: &str| -> JsResult<Option<Vec<u8>>> {
@@ -79,7 +79,7 @@ impl Comparison {
             }
             let bytes = value.dyn_into::<Uint8Array>().map_err(|_| {
                 js_error(&Error::input(format!(
-                    "`{key}` of {name} is no Uint8Array; expected the bytes of the file"
+                    "`{key}` of {name} is not a Uint8Array; expected the bytes of the file"
                 )))
             })?;
             Ok(Some(bytes.to_vec()))
@@ -107,7 +107,7 @@ impl Comparison {
     /// with.
     ///
     /// # Errors
-    /// When `evaluation` is none.
+    /// When `evaluation` is not one.
     #[wasm_bindgen(js_name = addEvaluation)]
     pub fn add_evaluation(
         &mut self,

@@ -30,6 +30,8 @@ mod images;
 #[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
 #[cfg(feature = "web-scoring")]
+mod runs;
+#[cfg(feature = "web-scoring")]
 mod scoring;
 #[cfg(feature = "web-scoring")]
 mod tables;

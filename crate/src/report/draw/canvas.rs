@@ -71,9 +71,9 @@ impl Theme {
 pub struct Drawn {
     /// The SVG document.
     pub svg: String,
-    /// Of the document, in its pixels.
+    /// The width of the document in pixels.
     pub width: u32,
-    /// Of the document, in its pixels.
+    /// The height of the document in pixels.
     pub height: u32,
     /// Left, top, width and height of the plot in these pixels.
     pub plot: [f64; 4],

@@ -60,9 +60,9 @@ pub struct LineSeries {
 pub struct LineFigure {
     /// Shown above; empty for none.
     pub title: String,
-    /// Shown below the x axis.
+    /// The label of the x axis.
     pub x_label: String,
-    /// Shown beside the y axis.
+    /// The label of the y axis.
     pub y_label: String,
     /// Frame number of the first value.
     pub start: f64,
@@ -240,7 +240,7 @@ fn legend<B: DrawingBackend>(
     Ok(())
 }
 
-/// The range of all finite values with a margin, never empty; from 0 on if the figure says so.
+/// The range of all finite values with a margin, never empty; starting at 0 if the figure asks for it.
 fn value_range(figure: &LineFigure) -> [f64; 2] {
     let values = || {
         figure

@@ -15,7 +15,7 @@ pub struct DataSet {
 }
 
 /// Puts runs of one data set together: the same objects and sequences, as far as their
-/// configurations tell.
+/// configurations show.
 pub fn data_sets(runs: Vec<Arc<Run>>) -> Vec<DataSet> {
     let mut sets: Vec<DataSet> = Vec::new();
     for run in runs {
@@ -69,7 +69,7 @@ impl Run {
         if sizes(a) != sizes(b) {
             let [a, b] = [a, b].map(|c| sizes(c).map(|n| n.to_string()).join(" + "));
             return Some(format!(
-                "they are of different numbers of training and validation sequences: {a}, and {b}"
+                "their counts of training and validation sequences differ: {a}, and {b}"
             ));
         }
         // One seed splits one data set in one way.

@@ -18,7 +18,7 @@ pub enum Grouping {
     Settings,
     /// The architecture, whatever else differs.
     Architecture,
-    /// Their name without the number at its end: `runs/basic-long/seed-03` is of `basic-long`.
+    /// Their name without the number at its end: `runs/basic-long/seed-03` belongs to `basic-long`.
     Name,
     /// One setting.
     Setting(String),
@@ -34,7 +34,7 @@ impl FromStr for Grouping {
             "name" => Self::Name,
             "" => {
                 return Err(Error::input(
-                    "groups by nothing; expected settings, architecture, name or a setting",
+                    "nothing to group by; expected settings, architecture, name or a setting",
                 ));
             }
             key => Self::Setting(key.to_owned()),
@@ -45,8 +45,8 @@ impl FromStr for Grouping {
 /// Runs of one group.
 #[derive(Debug, Clone)]
 pub struct Group {
-    /// Its name; by settings the architecture, with what else tells it from another group where
-    /// there are several of one.
+    /// Its name; by settings the architecture, and where several groups have the same one, the settings
+    /// that differ.
     pub name: String,
     /// The runs, complete ones first.
     pub runs: Vec<Arc<Run>>,
@@ -76,8 +76,8 @@ impl Runs {
     ///
     /// # Errors
     /// When there is no complete run, when runs are not of one data set ([`data_sets`]), so that
-    /// their errors cannot be compared, when a setting to group by is none, and when a threshold is
-    /// given for an object that the runs do not have.
+    /// their errors cannot be compared, when there is no such setting to group by, and when a
+    /// threshold is given for an object that the runs do not have.
     pub fn new(runs: Vec<Arc<Run>>, thresholds: &Thresholds, grouping: &Grouping) -> Result<Self> {
         let mut sets = data_sets(runs);
         if let Some(reason) = sets.iter().find_map(|set| set.reason.as_ref()) {
@@ -175,11 +175,11 @@ fn by_settings(runs: Vec<Arc<Run>>) -> Vec<Group> {
             let differs = |setting: &&(String, String)| {
                 described.iter().any(|other| !other.contains(setting))
             };
-            let told = settings.iter().filter(differs);
-            let told: Vec<String> = told.map(|(key, value)| format!("{key} {value}")).collect();
-            group.name = match told.is_empty() {
+            let shown = settings.iter().filter(differs);
+            let shown: Vec<String> = shown.map(|(key, value)| format!("{key} {value}")).collect();
+            group.name = match shown.is_empty() {
                 true => name.clone(),
-                false => format!("{name} ({})", told.join(", ")),
+                false => format!("{name} ({})", shown.join(", ")),
             };
         }
         all.extend(alike.into_iter().map(|(_, group)| group));

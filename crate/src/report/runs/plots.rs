@@ -26,7 +26,7 @@ use crate::report::draw::{Decades, Figure, FileNames, Measured, tick};
 /// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix,
 /// "Evaluation").
 const SMOOTHING: f64 = 2.5;
-/// Of fewer runs than this a box plot shows every one: quartiles of so few say little.
+/// With fewer runs than this a box plot shows every one, since quartiles of so few say little.
 const FEW: usize = 8;
 /// Values below this are drawn here on logarithmic axes.
 const FLOOR: f64 = 1e-5;
@@ -48,7 +48,7 @@ pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// Height of the text in pixels.
 pub(super) const EM: i32 = 13;
-/// Of one panel.
+/// The size of one panel.
 const PANEL: [u32; 2] = [300, 250];
 /// Room for the legend above the panels.
 const LEGEND: u32 = 34;

@@ -21,7 +21,7 @@ pub struct Reference {
     pub claims: Vec<Claim>,
 }
 
-/// The numbers of one architecture that are published as numbers.
+/// The published numbers of one architecture.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceNumbers {
@@ -65,6 +65,7 @@ pub enum Statistic {
 
 /// Published numbers and those of a [`RunsReport`](super::RunsReport).
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ReferenceReport {
     /// What heads its columns.
     pub name: String,
@@ -104,7 +105,7 @@ pub struct Pair {
     pub interval: Option<[f64; 2]>,
 }
 
-/// How a [`Claim`] fares on the runs.
+/// A [`Claim`] tested on the runs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClaimReport {
     /// The claim in words.

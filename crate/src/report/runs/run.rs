@@ -7,25 +7,25 @@ use crate::run::{RunConfig, RunFiles, TrainSummary, read_log};
 /// One run: a training, or a detector that was scored as it is.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// What it is called: its folder, or its file.
+    /// Its folder or file.
     pub name: String,
-    /// The architecture; of a detector of another kind what it is called.
+    /// The architecture; for a detector that was not trained here, the name of its family.
     pub architecture: String,
-    /// What it trained with; `None` where that is not known.
+    /// Its seed; `None` where that is not known.
     pub seed: Option<u64>,
     /// The objects, in the order of every table.
     pub objects: Vec<String>,
-    /// Its epochs, as far as the log can be read; none of a detector that was scored.
+    /// Its epochs, as far as the log can be read; empty for a detector that was scored.
     pub epochs: Vec<Epoch>,
     /// The metric in full, after the last epoch.
     pub evaluation: Option<EvaluationReport>,
     /// Why it does not count; `None` for a complete run.
     pub incomplete: Option<String>,
-    /// How it trained; `None` of a detector that was scored.
+    /// How it trained; `None` for a detector that was scored.
     pub config: Option<RunConfig>,
 }
 
-/// What figures and tables need of an epoch; a log holds several times as much.
+/// What figures and tables need to know about an epoch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Epoch {
     /// The affine tracking error of every object; `None` where it was visible in no frame.
@@ -34,7 +34,7 @@ pub struct Epoch {
     pub reconstruction: f64,
 }
 
-/// A folder that is none of a run that can be read, and why.
+/// A run folder that cannot be read, and why.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Unread {
     /// The folder.
@@ -119,8 +119,8 @@ impl Run {
         })
     }
 
-    /// A detector that was scored as it is; without an architecture it is called what its name
-    /// begins with.
+    /// A detector that was scored as it is. Without an architecture its family is taken from its
+    /// name.
     pub fn scored(name: &str, architecture: Option<String>, evaluation: EvaluationReport) -> Self {
         Self {
             name: name.to_owned(),
@@ -134,8 +134,8 @@ impl Run {
         }
     }
 
-    /// The tracking error of an object at the end: of a training the affine one of its last epoch.
-    /// `None` where it was visible in no frame.
+    /// The final tracking error of an object; for a training, that of its last epoch under the affine
+    /// map. `None` where it was visible in no frame.
     pub fn error(&self, object: &str) -> Option<f64> {
         match (self.epochs.last(), &self.evaluation) {
             (Some(epoch), _) => {
@@ -181,7 +181,7 @@ impl Run {
     }
 }
 
-/// What a run belongs to by its name: the last part without the file's ending and the number at its
+/// The family of a run by its name: the last part without the file's ending and the number at its
 /// end, or the folder where that says no more than which seed or checkpoint it is.
 pub(super) fn family(name: &str) -> String {
     let mut parts = name

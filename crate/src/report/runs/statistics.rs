@@ -1,4 +1,4 @@
-//! What many runs come to.
+//! Statistics of many runs.
 
 use serde::Serialize;
 
@@ -14,8 +14,9 @@ use crate::metric::stats::{
 /// The share of resamples between the ends of an interval.
 const LEVEL: f64 = 0.95;
 
-/// Everything that the tables and figures say (schema `tracklens/report/1`).
+/// All values in the tables and figures (schema `tracklens/report/1`).
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RunsReport {
     /// `tracklens/report/1`.
     pub schema: String,
@@ -25,12 +26,12 @@ pub struct RunsReport {
     pub intervals: String,
     /// The groups, by name.
     pub groups: Vec<GroupReport>,
-    /// Of each object, how probable it is that a run of one group has a lower error than one of
+    /// The probability, for each object, that a run of one group has a lower error than one of
     /// another.
     pub improvement: Vec<ImprovementReport>,
-    /// Folders of runs that cannot be read, and so belong to no group.
+    /// Run folders that cannot be read; they belong to no group.
     pub unread: Vec<Unread>,
-    /// What a person should know before comparing the groups.
+    /// Cautions about comparing the groups.
     pub notes: Vec<String>,
     /// How the runs compare with published numbers, where these were given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -39,10 +40,11 @@ pub struct RunsReport {
 
 /// One group of a [`RunsReport`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct GroupReport {
     /// Its name.
     pub name: String,
-    /// Complete runs; all numbers are over these.
+    /// Complete runs, which all statistics are over.
     pub complete: usize,
     /// The others.
     pub incomplete: Vec<IncompleteRun>,
@@ -63,6 +65,7 @@ pub struct GroupReport {
 
 /// One run of a [`GroupReport`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RunReport {
     /// Its folder.
     pub name: String,
@@ -70,13 +73,13 @@ pub struct RunReport {
     pub architecture: String,
     /// Its seed; null where it is not known.
     pub seed: Option<u64>,
-    /// Whole epochs; 0 of a detector that was scored as it is.
+    /// Whole epochs; 0 for a detector that was scored as it is.
     pub epochs: usize,
     /// TC at the end, with the thresholds of the report.
     pub tc: f64,
     /// Tracking errors at the end, in the order of the objects.
     pub errors: Vec<Option<f64>>,
-    /// Validation reconstruction loss at the end; null of a detector that was scored as it is.
+    /// Validation reconstruction loss at the end; null for a detector that was scored as it is.
     pub reconstruction: Option<f64>,
 }
 
@@ -95,6 +98,7 @@ pub struct IncompleteRun {
 
 /// One object of a [`GroupReport`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ObjectRunsReport {
     /// Its name.
     pub name: String,
@@ -108,7 +112,7 @@ pub struct ObjectRunsReport {
     pub tc_interval: Option<[f64; 2]>,
     /// Mean of the tracking errors.
     pub mean: Option<f64>,
-    /// Their variance, with one less than their number below.
+    /// Their variance, with n - 1 in the denominator.
     pub variance: Option<f64>,
     /// Minimum, lower quartile, median, upper quartile, maximum.
     pub quartiles: Option<[f64; 5]>,
@@ -134,7 +138,7 @@ pub struct ImprovementReport {
 }
 
 impl RunsReport {
-    /// The statistics of `runs`, with intervals of `resamples` draws; `unread` is listed beside
+    /// The statistics of `runs`, with intervals of `resamples` draws; `unread` is listed with
     /// them.
     ///
     /// # Errors
@@ -301,7 +305,7 @@ impl GroupReport {
         let mean = |values: &[f64]| -> Option<f64> {
             (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
         };
-        // Of one value there is no interval.
+        // One value has no interval.
         let interval = |values: &[f64],
                         statistic: &dyn Fn(&[f64]) -> Result<f64>|
          -> Result<Option<[f64; 2]>> {
@@ -378,7 +382,7 @@ impl GroupReport {
             .map(move |(k, object)| (error(k), object))
     }
 
-    /// How an object fares.
+    /// The statistics of an object.
     pub fn object(&self, name: &str) -> Option<&ObjectRunsReport> {
         self.objects.iter().find(|object| object.name == name)
     }

@@ -171,8 +171,8 @@ fn legend(area: &DrawingArea<Backend<'_>, Shift>) -> Done {
 /// The lines of one object over a frame of `size`; a ring marks where they start.
 fn draw(cell: &DrawingArea<Backend<'_>, Shift>, path: &Trajectory, size: [u32; 2]) -> Done {
     let place = |point: &[f64; 2]| {
-        // What lies outside the image stays at its edge: it would be drawn over the frame beside
-        // it.
+        // What lies outside the image stays at its edge, so that it is not drawn over the next
+        // frame.
         let pixel = |axis: usize| {
             let share = (point[axis].clamp(-1.0, 1.0) + 1.0) / 2.0;
             (share * f64::from(size[axis])).round() as i32

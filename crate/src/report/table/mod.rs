@@ -1,10 +1,12 @@
-//! Tables as values, which every output renders: Markdown, CSV, HTML, LaTeX, and the page through
-//! their serialised form.
+//! Tables as values, which every output renders: Markdown, CSV, HTML, LaTeX, the terminal, and the
+//! page through their serialised form.
 
 mod csv;
 mod html;
 mod latex;
 mod markdown;
+
+use std::fmt;
 
 use serde::ser::{Serialize, SerializeMap as _, SerializeStruct as _, Serializer};
 
@@ -240,6 +242,23 @@ impl Cell {
         self
     }
 
+    /// The content with its mark.
+    fn main_text(&self) -> String {
+        let pieces = self.pieces().into_iter().map(|(text, _)| text);
+        let text = pieces.collect::<Vec<_>>().join(" / ");
+        match self.mark {
+            Some(mark) => format!("{text} {mark}"),
+            None => text,
+        }
+    }
+
+    /// The interval, or the small print.
+    fn small_text(&self) -> Option<String> {
+        let ends = self.pieces().into_iter().find_map(|(_, ends)| ends);
+        let interval = ends.map(|[low, high]| format!("{low}–{high}"));
+        interval.or_else(|| self.note.clone())
+    }
+
     /// The pieces of the content with the ends of their intervals, as text.
     fn pieces(&self) -> Vec<(String, Option<[String; 2]>)> {
         match &self.content {
@@ -298,6 +317,15 @@ impl Emphasis {
     }
 }
 
+impl fmt::Display for Cell {
+    /// The content, and the small print in parentheses.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.main_text())?;
+        self.small_text()
+            .map_or(Ok(()), |small| write!(f, " ({small})"))
+    }
+}
+
 impl Serialize for Table {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut table = serializer.serialize_struct("Table", 5)?;
@@ -334,16 +362,8 @@ impl Serialize for Cell {
                 cell.serialize_entry("value", &value)?;
             }
         }
-        let pieces = self.pieces();
-        let texts: Vec<&str> = pieces.iter().map(|(text, _)| text.as_str()).collect();
-        let mut text = texts.join(" / ");
-        if let Some(mark) = self.mark {
-            text = format!("{text} {mark}");
-        }
-        cell.serialize_entry("text", &text)?;
-        let ends = pieces.iter().find_map(|(_, ends)| ends.as_ref());
-        let small = ends.map(|[low, high]| format!("{low}–{high}"));
-        cell.serialize_entry("small", &small.or_else(|| self.note.clone()))?;
+        cell.serialize_entry("text", &self.main_text())?;
+        cell.serialize_entry("small", &self.small_text())?;
         cell.serialize_entry("details", &self.details)?;
         cell.serialize_entry("emphasis", &self.emphasis.map(Emphasis::name))?;
         cell.end()
