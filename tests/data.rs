@@ -9,9 +9,10 @@ use safetensors::SafeTensors;
 use shared::{golden, tensor};
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{
-    Filter, Frame, FrameIndex, Role, TableOptions, classify, join, keypoints_csv,
-    parse_ground_truth, parse_keypoints, resize_planar,
+    Filter, Frame, FrameIndex, TableOptions, join, keypoints_csv, parse_ground_truth,
+    parse_keypoints, resize_planar,
 };
+use tracklens::intake::{Role, classify};
 use tracklens::track::FrameKey;
 
 fn key(sequence: &str, frame: u64) -> FrameKey {

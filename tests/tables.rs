@@ -2,8 +2,9 @@
 
 use ndarray::Array3;
 use tracklens::data::{
-    AxisOrder, Ground, Role, Space, TableOptions, classify, parse_ground_truth, parse_keypoints,
+    AxisOrder, Ground, Space, TableOptions, parse_ground_truth, parse_keypoints,
 };
+use tracklens::intake::{Role, classify};
 use tracklens::track::GroundTruth;
 
 const SIZE: [u32; 2] = [200, 100];

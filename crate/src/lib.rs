@@ -28,6 +28,8 @@ pub mod engine;
 #[cfg(feature = "engine")]
 pub mod extract;
 #[cfg(feature = "data")]
+pub mod intake;
+#[cfg(feature = "data")]
 mod memory;
 #[cfg(feature = "model")]
 pub mod model;

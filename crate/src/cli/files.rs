@@ -9,8 +9,8 @@ use clap::Args;
 
 use crate::checkpoint::Checkpoint;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table,
-    TableOptions, parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Recording, Space, Table, TableOptions,
+    ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
     read_hdf5_ground_truth,
 };
 use crate::error::{Error, ErrorKind, Result};
@@ -244,7 +244,7 @@ impl Format {
             .read_to_end(&mut head)
             .map_err(|e| Error::io(path.display(), &e))?;
         Ok(match head {
-            _ if head.starts_with(NPZ_MAGIC) => Self::Npz,
+            _ if head.starts_with(ZIP_MAGIC) => Self::Npz,
             _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
             _ => Self::Other,
         })
@@ -359,7 +359,7 @@ pub(super) fn read_keypoints(
         axes: reading.axes.or(arguments.axis_order),
         image_size: arguments.image_size,
     };
-    let table = match bytes.starts_with(NPZ_MAGIC) {
+    let table = match bytes.starts_with(ZIP_MAGIC) {
         true => parse_npz_keypoints(&bytes, &name, &options)?,
         false => parse_keypoints(&bytes, &name, &options)?,
     };

@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Layout, Raw, Row, Sequences};
-use crate::data::frames::last_number;
+use super::rows::{Raw, Row, Sequences};
+use crate::data::names::last_number;
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 #[derive(Deserialize)]

@@ -5,9 +5,10 @@
 //! `coords`. A row of labels begins with the path of its image, `labeled-data/VIDEO/img0001.png`,
 //! in one field or in three; a row of an analysis with the number of its frame.
 
-use super::delimited::{Delimited, coordinate, wrong_field};
-use super::{Layout, Raw, Row, Sequences};
-use crate::data::frames::last_number;
+use super::fields::{Delimited, coordinate, wrong_field};
+use super::rows::{Raw, Row, Sequences};
+use crate::data::names::last_number;
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 /// What the video is called before the name that an analysis adds to it, `VIDEODLC_resnet50_…`.

@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
-use super::delimited::{Delimited, coordinate, frame, wrong_field};
-use super::{Content, Layout, Raw, Row, Sequences, TableOptions, quote_list};
+use super::fields::{Delimited, coordinate, frame, wrong_field};
+use super::rows::{Content, Raw, Row, Sequences};
+use crate::data::names::quote_list;
+use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
 
 /// More keypoints than any detector has; a guard against a table whose columns are mixed up.

@@ -1,7 +1,9 @@
 //! Tables with one row a frame and two columns a point.
 
-use super::delimited::{Delimited, coordinate, frame, wrong_field};
-use super::{Layout, Raw, Row, Sequences, quote_list};
+use super::fields::{Delimited, coordinate, frame, wrong_field};
+use super::rows::{Raw, Row, Sequences};
+use crate::data::names::quote_list;
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 /// The names of points with the columns of x and y: `cube_x` and `cube_y`, with `_`, `.`, `-` or a
