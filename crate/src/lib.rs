@@ -47,4 +47,4 @@ pub mod cli;
 #[cfg(all(feature = "web-part", target_arch = "wasm32"))]
 pub mod web;
 
-pub use error::{Error, ErrorKind, Result};
+pub use error::{Error, ErrorKind, Reason, Result};

@@ -16,6 +16,7 @@ mod extract;
 mod files;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod hints;
 mod painter;
 mod report;
 mod score;
@@ -24,6 +25,7 @@ mod sweep;
 #[cfg(feature = "train")]
 mod train;
 mod trajectories;
+mod values;
 
 use std::fmt;
 use std::io::Write as _;
@@ -104,6 +106,9 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("tracklens: {error}");
+            if let Some(hint) = error.reason().and_then(hints::hint) {
+                eprintln!("hint: {hint}");
+            }
             ExitCode::from(exit_code(&error))
         }
     }

@@ -9,6 +9,7 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
 use super::files::{self, KeypointsReading, TruthArguments};
 use super::painter::Painter;
+use super::values::parse_html_path;
 use crate::atomic;
 use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
@@ -81,7 +82,7 @@ pub(super) struct ScoringArguments {
     #[arg(long)]
     context: bool,
     /// Also write everything as one HTML file
-    #[arg(long, value_name = "FILE.html", value_parser = files::parse_html_path)]
+    #[arg(long, value_name = "FILE.html", value_parser = parse_html_path)]
     report: Option<PathBuf>,
     /// Also write every figure into this folder, as SVG and PNG
     #[arg(long, value_name = "DIR")]
@@ -116,19 +117,6 @@ pub(super) fn parse_threshold(text: &str) -> Result<(String, f64)> {
             "the threshold of `{name}` is `{value}`, which is no number; {EXPECTED}"
         ))),
     }
-}
-
-pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    sides
-        .filter(|sides: &[u32; 2]| sides.iter().all(|s| *s > 0))
-        .ok_or_else(|| {
-            Error::input(format!(
-                "`{text}` is no size; expected WIDTHxHEIGHT, e.g. 256x256"
-            ))
-        })
 }
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {

@@ -4,10 +4,10 @@ use ndarray::Array3;
 
 use super::arrays::{ArrayFile, Kind, POINTS, Values, count, find, listed};
 use super::reading::{
-    AxisOrder, Ground, Known, Layout, Reading, Space, Table, TableOptions, ndc_from_pixels,
-    point_notices,
+    AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions,
+    missing_image_size, ndc_from_pixels, point_notices,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
 /// The points of a recording as a ground truth; it need not have frames.
@@ -57,7 +57,7 @@ pub(super) struct Points {
     names: Vec<String>,
     reading: Reading,
     /// How it was read.
-    notice: String,
+    notice: Notice,
 }
 
 impl Points {
@@ -97,10 +97,17 @@ impl Points {
                 .chunks_exact_mut(2)
                 .for_each(|point| point.swap(0, 1));
         }
-        let source = match axes.by {
-            Ground::Said => "as asked for",
-            Ground::File => "as the file says",
-            Ground::Guess => "a guess, as the authors record; --axis-order yx reads (y, x)",
+        let (source, reason) = match axes.by {
+            Ground::Said => ("as asked for", None),
+            Ground::File => ("as the file says", None),
+            Ground::Guess => (
+                "assumed, as the authors record",
+                Some(Reason::AssumedAxisOrder),
+            ),
+        };
+        let notice = Notice {
+            text: format!("`{name}` is read as {}: {source}", axes.value),
+            reason,
         };
         let reading = Reading {
             layout: Layout::Arrays,
@@ -109,13 +116,8 @@ impl Points {
             // Frames are the positions in the array.
             index_base: Known::of(None, 0, Ground::File),
         };
-        if reading.space.value == Space::Pixels {
-            let size = options.image_size.ok_or_else(|| {
-                Error::input(format!(
-                    "the positions of `{name}` are in pixels, as was said, and the size of the images is not known; give \
-                     the frames along, or the size (--image-size 256x256)"
-                ))
-            })?;
+        let in_pixels = reading.space.value == Space::Pixels;
+        if let Some(size) = options.image_size.filter(|_| in_pixels) {
             for point in values.chunks_exact_mut(2) {
                 point.copy_from_slice(&ndc_from_pixels([point[0], point[1]], size));
             }
@@ -139,9 +141,15 @@ impl Points {
                     info.shape
                 ))
             })?;
+        if in_pixels && options.image_size.is_none() {
+            return Err(missing_image_size(
+                &format!("the positions of `{name}`"),
+                reading.space.by,
+            ));
+        }
         Ok(Some(Self {
             name,
-            notice: format!("`{name}` is read as {}: {source}", axes.value),
+            notice,
             reading,
             shape: info.shape,
             sequences,

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use ndarray::Array3;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 
 /// A parsed table with what a person should know of how it was read.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,7 +16,37 @@ pub struct Table<T> {
     /// What its numbers were taken for.
     pub reading: Reading,
     /// E.g. that semicolons separate the fields, or how many points are missing.
-    pub notices: Vec<String>,
+    pub notices: Vec<Notice>,
+}
+
+/// Something a person should know of how a file was read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Notice {
+    /// In words.
+    pub text: String,
+    /// What a program needs to know to offer a remedy.
+    pub reason: Option<Reason>,
+}
+
+impl Notice {
+    pub(super) fn because(text: impl Into<String>, reason: Reason) -> Self {
+        Self {
+            text: text.into(),
+            reason: Some(reason),
+        }
+    }
+}
+
+impl From<String> for Notice {
+    fn from(text: String) -> Self {
+        Self { text, reason: None }
+    }
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
 }
 
 /// What the numbers of a table were taken for, and what said so.
@@ -227,37 +257,61 @@ pub(super) fn ndc_from_pixels(px: [f64; 2], image_size: [u32; 2]) -> [f64; 2] {
     [0, 1].map(|axis| (2.0 * px[axis] + 1.0) / f64::from(image_size[axis]) - 1.0)
 }
 
+/// The error of `positions` in pixels of images of unknown size; `by` says why they are in pixels.
+pub(super) fn missing_image_size(positions: &str, by: Ground) -> Error {
+    let why = match by {
+        Ground::Said => "as given",
+        Ground::File | Ground::Guess => "as always in this layout",
+    };
+    Error::input(format!(
+        "{positions} are in pixels ({why}), and the size of the images is not known; expected the frames, or their size"
+    ))
+    .because(Reason::MissingImageSize)
+}
+
 /// How many points are missing, in the words of `missing`, and what looks like another unit than
 /// ndc.
-pub(super) fn point_notices(points: &Array3<f64>, missing: &str) -> Vec<String> {
+pub(super) fn point_notices(points: &Array3<f64>, missing: &str) -> Vec<Notice> {
     let hidden: usize = points.outer_iter().map(|frame| hidden(&frame)).sum();
     let (frames, count, _) = points.dim();
-    let notice = (hidden > 0).then(|| format!("{hidden} of {} {missing}", frames * count));
+    let points_in_all = frames * count;
+    let notice = (hidden > 0).then(|| {
+        Notice::because(
+            format!("{hidden} of {points_in_all} {missing}"),
+            Reason::MissingPoints {
+                missing: hidden,
+                points: points_in_all,
+            },
+        )
+    });
     notice.into_iter().chain(unit_notice(points)).collect()
 }
 
 /// What looks like another unit than ndc.
-fn unit_notice(points: &Array3<f64>) -> Option<String> {
+fn unit_notice(points: &Array3<f64>) -> Option<Notice> {
     let seen = || points.iter().filter(|v| v.is_finite());
     let far = seen().filter(|v| v.abs() > 16.0).count();
     if far > 0 {
-        return Some(format!(
-            "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image, or to be told of pixels: \
-             `--space px` for a ground truth, `--keypoints-space px` for keypoints, with `--image-size WxH`; on the page, the unit \
-             in the list of files"
+        return Some(Notice::because(
+            format!(
+                "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image"
+            ),
+            Reason::LooksLikePixels { coordinates: far },
         ));
     }
     // A pixel of 256 x 256 is 1/128 wide.
     if seen().count() >= 20 && seen().all(|v| *v < -0.97) {
-        return Some(
-            "all coordinates lie in the first corner of the image: are they ndc already, and read as pixels?"
-                .to_owned(),
-        );
+        return Some(Notice::because(
+            "all coordinates lie in the first corner of the image: are they ndc already, and read as pixels?",
+            Reason::LooksLikeNdc,
+        ));
     }
     let none_negative = seen().count() >= 20 && seen().all(|v| *v >= 0.0);
     none_negative.then(|| {
-        "no coordinate is negative: is this another unit, e.g. 0 to 1 across the image? Expected ndc, -1 to +1"
-            .to_owned()
+        Notice::because(
+            "no coordinate is negative: is this another unit, e.g. 0 to 1 across the image? Expected ndc, -1 to +1",
+            Reason::LooksLikeFractions,
+        )
     })
 }
 

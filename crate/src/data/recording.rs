@@ -6,7 +6,7 @@ use super::frames::FrameIndex;
 use super::image::Frame;
 use super::npy;
 use super::points::{Points, keys};
-use super::reading::TableOptions;
+use super::reading::{Notice, TableOptions};
 use super::source::FrameSource;
 use crate::error::{Error, Result};
 use crate::track::GroundTruth;
@@ -28,7 +28,7 @@ pub struct Recording {
     frames: FrameArray,
     index: FrameIndex,
     truth: Option<GroundTruth>,
-    notices: Vec<String>,
+    notices: Vec<Notice>,
 }
 
 impl Recording {
@@ -113,7 +113,7 @@ impl FrameSource for Recording {
         self.truth.as_ref()
     }
 
-    fn notices(&self) -> &[String] {
+    fn notices(&self) -> &[Notice] {
         &self.notices
     }
 

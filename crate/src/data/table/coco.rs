@@ -157,9 +157,7 @@ pub fn read(text: &str) -> Result<Raw> {
         ));
     }
     if without > 0 {
-        notices.push(format!(
-            "{without} annotations without keypoints are left out"
-        ));
+        notices.push(format!("{without} annotations without keypoints are left out").into());
     }
     Ok(Raw {
         layout: Layout::Coco,
@@ -167,6 +165,7 @@ pub fn read(text: &str) -> Result<Raw> {
         points,
         rows,
         notices,
+        lacks_size: false,
     })
 }
 

@@ -99,9 +99,11 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         return Err(Error::input("the header names no body part"));
     }
     if likelihoods > 0 {
-        table
-            .notices
-            .push("likelihoods are not looked at: every position counts".to_owned());
+        table.notices.push(
+            "likelihoods are ignored: every position counts"
+                .to_owned()
+                .into(),
+        );
     }
 
     let video = stem
@@ -172,5 +174,6 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         points: points.into_iter().map(|(name, _)| name).collect(),
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }

@@ -23,7 +23,7 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
     let delimiter = match delimiter {
         Some((c, word)) => {
             if c != ',' {
-                notices.push(format!("fields are separated by a {word}"));
+                notices.push(format!("fields are separated by a {word}").into());
             }
             c as u8
         }

@@ -1,12 +1,13 @@
 //! Records and fields of a delimited text.
 
+use crate::data::reading::Notice;
 use crate::error::{Error, Result};
 
 /// A delimited text after its header.
 pub struct Delimited<'a> {
     pub header: csv::StringRecord,
     pub reader: csv::Reader<&'a [u8]>,
-    pub notices: Vec<String>,
+    pub notices: Vec<Notice>,
 }
 
 impl Delimited<'_> {

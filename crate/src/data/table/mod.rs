@@ -32,7 +32,8 @@ pub use write::{ground_truth_csv, keypoints_csv};
 
 use super::names::natural;
 use super::reading::{
-    AxisOrder, Layout, Reading, Space, Table, TableOptions, ndc_from_pixels, point_notices,
+    AxisOrder, Layout, Notice, Reading, Space, Table, TableOptions, missing_image_size,
+    ndc_from_pixels, point_notices,
 };
 use crate::error::{Error, Result};
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
@@ -69,6 +70,7 @@ pub fn parse_ground_truth(
             &points,
             "positions are missing: the object counts as not visible in that frame",
         ));
+        check_size(&raw, &reading)?;
         let content = GroundTruth::new(keys, names, points)?;
         Ok(Table {
             content,
@@ -108,6 +110,7 @@ pub fn parse_keypoints(
             &points,
             "keypoints are missing or not finite",
         ));
+        check_size(&raw, &reading)?;
         let content = KeypointTrack::new(keys, points)?;
         Ok(Table {
             content,
@@ -118,7 +121,16 @@ pub fn parse_keypoints(
     read().map_err(|e: Error| e.at(name))
 }
 
-/// Reads a table of any layout, in ndc.
+/// Fails where positions are in pixels of images of unknown size: last of all, so that the size is
+/// all that is missing.
+fn check_size(raw: &Raw, reading: &Reading) -> Result<()> {
+    match raw.lacks_size {
+        true => Err(missing_image_size("the positions", reading.space.by)),
+        false => Ok(()),
+    }
+}
+
+/// Reads a table of any layout, in ndc where the size of the images is known.
 fn read(
     bytes: &[u8],
     name: &str,
@@ -131,8 +143,10 @@ fn read(
         false => delimited::read(text, name, content, options)?,
     };
     if raw.layout != Layout::Tidy {
-        raw.notices
-            .insert(0, format!("read as a table of the layout: {}", raw.layout));
+        raw.notices.insert(
+            0,
+            format!("read as a table of the layout: {}", raw.layout).into(),
+        );
         if content == Content::Keypoints {
             let (first, last) = (raw.points.first(), raw.points.last());
             if let (Some(first), Some(last)) = (first, last) {
@@ -140,7 +154,7 @@ fn read(
                     "keypoint 0 is `{first}`, keypoint {} is `{last}`",
                     raw.points.len() - 1
                 );
-                raw.notices.push(range);
+                raw.notices.push(range.into());
             }
         }
     }
@@ -162,17 +176,10 @@ fn read(
     }
     if reading.space.value == Space::Pixels {
         for row in &mut raw.rows {
-            let Some(size) = row.image_size.or(options.image_size) else {
-                return Err(Error::input(format!(
-                    "the positions are in pixels ({}), and the size of the images is not known; give the frames along, or the \
-                     size (--image-size 256x256), or say that the positions are in ndc (--space ndc)",
-                    match options.space {
-                        Some(_) => "as was said",
-                        None => "as always in this layout",
-                    }
-                )));
-            };
-            row.xy = ndc_from_pixels(row.xy, size);
+            match row.image_size.or(options.image_size) {
+                Some(size) => row.xy = ndc_from_pixels(row.xy, size),
+                None => raw.lacks_size = true,
+            }
         }
     }
     Ok((raw, reading))
@@ -183,7 +190,7 @@ fn read(
 fn arrange(
     table: &Raw,
     name_of: impl Fn(usize) -> String,
-) -> Result<(Vec<FrameKey>, Array3<f64>, Vec<String>)> {
+) -> Result<(Vec<FrameKey>, Array3<f64>, Vec<Notice>)> {
     let points = table.points.len();
     let mut order: Vec<usize> = (0..table.sequences.len()).collect();
     order.sort_by(|a, b| natural(&table.sequences[*a], &table.sequences[*b]));

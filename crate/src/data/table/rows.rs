@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::data::reading::Layout;
+use crate::data::reading::{Layout, Notice};
 
 /// Points as a file gives them.
 pub struct Raw {
@@ -11,7 +11,9 @@ pub struct Raw {
     /// The names of the points.
     pub points: Vec<String>,
     pub rows: Vec<Row>,
-    pub notices: Vec<String>,
+    pub notices: Vec<Notice>,
+    /// Whether positions are in pixels of images of unknown size.
+    pub lacks_size: bool,
 }
 
 /// One point.

@@ -92,7 +92,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
     if !ignored.is_empty() {
         table
             .notices
-            .push(format!("ignored: {}", quote_list(&ignored)));
+            .push(format!("ignored: {}", quote_list(&ignored)).into());
     }
     if let Some(twice) = columns
         .iter()
@@ -140,5 +140,6 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         points: points.names,
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }

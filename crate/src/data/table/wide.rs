@@ -61,12 +61,12 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     if !ignored.is_empty() {
         table
             .notices
-            .push(format!("ignored: {}", quote_list(&ignored)));
+            .push(format!("ignored: {}", quote_list(&ignored)).into());
     }
     if sequence_column.is_none() {
-        table.notices.push(format!(
-            "there is no column `sequence`; all rows are taken for one, `{stem}`"
-        ));
+        table.notices.push(
+            format!("there is no column `sequence`; all rows are taken for one, `{stem}`").into(),
+        );
     }
     let mut sequences = Sequences::default();
     let mut rows = Vec::new();
@@ -106,5 +106,6 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         points: points.into_iter().map(|(name, _)| name).collect(),
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }
