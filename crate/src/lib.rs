@@ -52,6 +52,8 @@ pub mod evaluation;
 #[cfg(feature = "engine")]
 pub mod extract;
 #[cfg(feature = "data")]
+pub mod intake;
+#[cfg(feature = "data")]
 mod memory;
 #[cfg(feature = "model")]
 pub mod model;
@@ -71,7 +73,7 @@ pub mod cli;
 #[doc(hidden)]
 pub mod web;
 
-pub use error::{Error, ErrorKind, Result};
+pub use error::{Error, ErrorKind, Reason, Result};
 
 /// Tests the examples of the README.
 #[cfg(doctest)]
