@@ -341,7 +341,7 @@ export interface ScoreOptions {
   seed?: number;
   /** Also give the errors by sequence. */
   sequences?: boolean;
-  /** Also give what others measure: regression with PCK, min-cost assignment. */
+  /** Also give other metrics: regression with PCK, min-cost assignment. */
   context?: boolean;
 }
 
@@ -386,7 +386,7 @@ export interface Intervals {
   objects: { name: string; error: [number, number] | null }[];
 }
 
-/** What others measure; shares in the order of `close`. */
+/** Other metrics of the same data; shares in the order of `close`. */
 export interface Context {
   /** Distances as shares of the side of the image. */
   close: number[];
