@@ -90,8 +90,13 @@ enum Task {
         #[arg(long)]
         page_gpu: bool,
     },
-    /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
-    Check,
+    /// Check formatting, the module graph, lints (native and wasm, every feature) and docs; warnings
+    /// are errors.
+    Check {
+        /// Only this part of the checks.
+        #[arg(long, value_name = "PART")]
+        only: Option<check::Part>,
+    },
     /// Time a part of tracklens against its peer.
     Bench {
         subject: bench::Subject,
@@ -147,7 +152,7 @@ fn perform(task: Task) -> Result<()> {
                 gpu: skip_gpu,
             },
         ),
-        Task::Check => check::run(&workspace),
+        Task::Check { only } => check::run(&workspace, only),
         Task::Bench { subject, quick } => bench::run(&workspace, subject, quick),
         Task::Clean { all } => clean::run(&workspace, all),
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
+use crate::check::GRAPH;
 use crate::steps::Steps;
 use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
@@ -42,7 +43,10 @@ pub fn run(workspace: &Workspace, page_gpu: bool, skipped: &Skipped) -> Result<(
         })
     });
 
-    steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
+    steps.run("xtask", || {
+        cargo_test(workspace, &["--package=xtask"])?;
+        cargo_test(workspace, &["--package", GRAPH])
+    });
     steps.run("metric alone", || {
         cargo_test(workspace, &["--package=tracklens", "--no-default-features"])
     });
