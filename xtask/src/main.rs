@@ -90,8 +90,8 @@ enum Task {
         #[arg(long)]
         page_gpu: bool,
     },
-    /// Check formatting, the module graph, lints (native and wasm, every feature) and docs; warnings
-    /// are errors.
+    /// Check formatting, the module graph, dependencies, lints (native and wasm, every feature) and
+    /// docs; warnings are errors.
     Check {
         /// Only this part of the checks.
         #[arg(long, value_name = "PART")]
