@@ -105,9 +105,7 @@ fn dependencies(workspace: &Workspace, steps: &mut Steps) {
         eprintln!("advisories are not checked, their database cannot be fetched: {error:#}");
         return steps.skipped(ADVISORIES);
     }
-    steps.run(ADVISORIES, || {
-        deny(&["check", "--disable-fetch", "advisories"])
-    });
+    steps.run(ADVISORIES, || deny(&["check", "advisories"]));
 }
 
 fn lints(workspace: &Workspace, steps: &mut Steps) {
