@@ -79,7 +79,8 @@ fn run_in(workspace: &Workspace, command: &mut Command) -> Result<()> {
 
 fn module_graph(workspace: &Workspace) -> Result<()> {
     let mut cargo = run::cargo();
-    cargo.args(["run", "--release", "--quiet", "--package", GRAPH, "--", "."]);
+    cargo.args(["run", "--profile=tool", "--quiet"]);
+    cargo.args(["--package", GRAPH, "--", "."]);
     run_in(workspace, &mut cargo)
 }
 
@@ -166,8 +167,12 @@ fn docs(workspace: &Workspace, steps: &mut Steps) {
 }
 
 fn native_clippy(package: &str) -> Command {
+    let profile = match package {
+        "xtask" | GRAPH => "--profile=tool",
+        _ => "--release",
+    };
     let mut cargo = run::cargo();
-    cargo.args(["clippy", "--release", "--package", package]);
+    cargo.args(["clippy", profile, "--package", package]);
     cargo
 }
 
