@@ -7,11 +7,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use prost::Message;
 
-use super::{EpochLog, Losses};
 use crate::error::{Error, Result};
-
-/// How TensorBoard recognizes event files.
-const PREFIX: &str = "events.out.tfevents.";
+use crate::run::{EVENTS_PREFIX, EpochLog, Losses};
 
 /// The first event of every file.
 const FILE_VERSION: &str = "brain.Event:2";
@@ -31,16 +28,20 @@ impl Events {
         let mut earlier = Vec::new();
         for entry in fs::read_dir(folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
-            if entry.file_name().to_string_lossy().starts_with(PREFIX) {
+            if entry
+                .file_name()
+                .to_string_lossy()
+                .starts_with(EVENTS_PREFIX)
+            {
                 earlier.push(entry.path());
             }
         }
         let seconds = since_epoch().as_secs();
         // TensorBoard reads the files of a folder in the order of their names.
         let path = (0..)
-            .map(|n| folder.join(format!("{PREFIX}{seconds:010}.{n}.tracklens")))
+            .map(|n| folder.join(format!("{EVENTS_PREFIX}{seconds:010}.{n}.tracklens")))
             .find(|path| !path.exists())
-            .unwrap_or_else(|| folder.join(PREFIX));
+            .unwrap_or_else(|| folder.join(EVENTS_PREFIX));
         let file = File::create(&path).map_err(|e| Error::io(path.display(), &e))?;
         let mut events = Self { path, file };
         events.append(&record(&Event {
