@@ -1,4 +1,5 @@
-//! `cargo xtask check`: formatting, the module graph, dependencies, lints and docs, all warnings errors.
+//! `cargo xtask check`: formatting, the module graph, dependencies, lints and docs. Warnings are
+//! errors.
 
 use std::process::Command;
 

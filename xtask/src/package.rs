@@ -132,8 +132,8 @@ const WASM_OPT: [&str; 8] = [
 /// Builds the parts of the package that are not up to date, with or without the one for GPUs, and
 /// prints their sizes.
 ///
-/// Cargo compiles one part after the other. While it is at the next one, the last is finished; while
-/// it is at the first, npm installs what finishes them.
+/// Cargo compiles the parts one by one. Meanwhile npm installs its tools, and the parts that are
+/// compiled are finished.
 ///
 /// # Errors
 /// No toolchain for wasm, or the build fails. A missing wasm-opt is only reported.

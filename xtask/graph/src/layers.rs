@@ -10,8 +10,8 @@ use crate::graph::Graph;
 const FENCE: &str = "```layers";
 
 /// Modules from top to bottom: one line a layer, modules separated by spaces, a comment after `#`.
-/// A module is named by its path in `src`, as in `report/figures`; the longest name that fits a file
-/// says where it lies. The modules of a line do not import each other.
+/// A module is named by its path in `src`, as in `report/figures`; a file belongs to the longest name
+/// that fits. The modules of a line do not import each other.
 pub struct Layers {
     layers: Vec<Vec<String>>,
 }
@@ -40,8 +40,8 @@ impl Layers {
         Ok(Self { layers })
     }
 
-    /// Descriptions of the imports that do not point down, one for each pair of files, of files that
-    /// lie in no layer, and of modules without a file. `lib.rs` and `main.rs` lie above everything.
+    /// Descriptions of the imports that do not point down (one for each pair of files), of files that
+    /// lie in no layer, and of modules without a file. `lib.rs` and `main.rs` lie above all.
     pub fn violations(&self, graph: &Graph) -> Vec<String> {
         let mut violations = Vec::new();
         for file in &graph.files {

@@ -1,8 +1,9 @@
 //! The imports between the files of a Rust crate.
 //!
 //! Modules are followed from `lib.rs` and `main.rs`. A path is resolved through `use`, re-exports
-//! and globs to the file that defines its item, so that a re-export by a parent is no import from
-//! the parent. Paths in the arguments of macros and attributes count as well. Code for `cfg(test)` is left out.
+//! and globs to the file that defines its item, so that a child may import from a sibling what their
+//! parent re-exports. Paths in the arguments of macros and attributes count as well. Code for
+//! `cfg(test)` is left out.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::fs;
@@ -646,7 +647,7 @@ mod tests {
             (
                 "a.rs",
                 "fn f() {\n    assert!(g(vec![crate::b::LIMIT]));\n}\n\
-                 struct Options {\n    #[arg(value_parser = crate::b::parse)]\n    size: usize,\n}",
+                 struct O {\n    #[arg(value_parser = crate::b::parse)]\n    n: u8,\n}",
             ),
             ("b.rs", "pub const LIMIT: usize = 1;\npub fn parse() {}"),
         ])?;
