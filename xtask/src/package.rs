@@ -64,7 +64,7 @@ pub const GPU: Part = Part {
 
 /// A WebAssembly module of the package.
 pub struct Part {
-    /// Of its files.
+    /// The base name of its files.
     name: &'static str,
     feature: &'static str,
     /// Cargo's profile.
@@ -235,7 +235,7 @@ fn finish(
         .with_context(|| format!("cannot write {}", stamp_file.display()))
 }
 
-/// The files of the built package that a browser loads: scripts and wasm, without node's entry
+/// The files of the built package that a browser loads: scripts and wasm, without Node's entry
 /// point, with or without extraction on GPUs.
 ///
 /// # Errors

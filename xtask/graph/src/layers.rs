@@ -20,7 +20,7 @@ impl Layers {
     /// Reads the block from a Markdown document.
     ///
     /// # Errors
-    /// There is no such block, or a module stands in it twice.
+    /// The document has no such block, or a module stands in it twice.
     pub fn parse(document: &str) -> Result<Self> {
         let mut lines = document.lines().skip_while(|line| line.trim() != FENCE);
         if lines.next().is_none() {

@@ -149,8 +149,8 @@ impl<F: Fn(&str) -> Result<Option<String>>> Sources<F> {
         let parent = self.files[self.modules[module].file].clone();
         let candidates = match path_attribute(&child.attrs) {
             Some(path) => {
-                let beside = parent.rsplit_once('/').map_or("", |(folder, _)| folder);
-                let path = PathBuf::from(beside).join(path);
+                let own = parent.rsplit_once('/').map_or("", |(folder, _)| folder);
+                let path = PathBuf::from(own).join(path);
                 vec![path.to_string_lossy().replace('\\', "/")]
             }
             None => vec![
