@@ -1,7 +1,5 @@
 //! The real binary on real files: results, messages and exit codes.
 
-mod shared;
-
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -1,12 +1,10 @@
 //! Tables, images, sequences, joins and checkpoints: what is read right, and what is said of bad
 //! input.
 
-mod shared;
-
 use std::path::PathBuf;
 
+use crate::shared::{golden, tensor};
 use safetensors::SafeTensors;
-use shared::{golden, tensor};
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{
     Filter, Frame, FrameIndex, TableOptions, join, keypoints_csv, parse_ground_truth,
