@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::files;
 use crate::atomic;
 use crate::checkpoint::{Checkpoint, Format, Summary};
-use crate::engine::{Encoder, PlannedLayer};
+use crate::engine::{CpuEncoder, PlannedLayer};
 use crate::error::{Error, Result};
 
 #[derive(Debug, Args)]
@@ -102,7 +102,7 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     let unknown = || Error::input("not a checkpoint");
     let place = |e: Error| e.at(arguments.file.display());
     let checkpoint = Checkpoint::from_bytes(&bytes).map_err(place)?;
-    let plan = |size: [u32; 2]| Encoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
+    let plan = |size: [u32; 2]| CpuEncoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
     let inspection = Inspection {
         format: Format::of(&bytes).ok_or_else(unknown)?,
         bytes: bytes.len(),

@@ -2,31 +2,26 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use ndarray::Array3;
-use rayon::prelude::*;
 
 #[cfg(feature = "gpu")]
 use super::device::open_and_tell;
 use super::files::{self, TruthArguments};
-#[cfg(feature = "gpu")]
-use super::gpu;
 use super::score::ScoringArguments;
 use crate::atomic;
-use crate::data::{BLOCK, FrameSource, keypoints_csv};
+use crate::data::{FrameSource, keypoints_csv};
 use crate::device::DeviceKind;
 #[cfg(not(feature = "gpu"))]
 use crate::device::built_without_gpu;
-use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
 #[cfg(feature = "gpu")]
 use crate::extract::DeviceExtractor;
-use crate::extract::{CpuExtractor, Extraction, Extractor as _};
+use crate::extract::{CpuExtractor, Extraction, Extractor, extract_frames};
 use crate::track::KeypointTrack;
 
 /// The path that stands for it.
@@ -160,21 +155,20 @@ impl SourceArguments {
             .num_threads(threads)
             .build()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
-        let report = |event: Event| show(&bar, &event);
-        let found = match self.device {
-            DeviceKind::Cpu => {
-                let encoder = Encoder::new(&checkpoint).map_err(place)?;
-                pool.install(|| extract_all(&encoder, frames, &report, &cancel))?
-            }
+        let extractor: Box<dyn Extractor + Sync> = match self.device {
+            DeviceKind::Cpu => Box::new(CpuExtractor::new(&checkpoint).map_err(place)?),
             #[cfg(feature = "gpu")]
             DeviceKind::Gpu => {
                 let device = open_and_tell(self.device)?.device;
-                let extractor = DeviceExtractor::new(&checkpoint, &device).map_err(place)?;
-                pool.install(|| gpu::extract_all(&extractor, frames, &report, &cancel))?
+                Box::new(DeviceExtractor::new(&checkpoint, &device).map_err(place)?)
             }
             #[cfg(not(feature = "gpu"))]
             DeviceKind::Gpu => return Err(built_without_gpu()),
         };
+        let all = 0..frames.index().keys().len();
+        let observer = |event: Event| show(&bar, &event);
+        let found =
+            pool.install(|| extract_frames(&*extractor, frames, all, &observer, &cancel))?;
 
         let unreadable: Vec<&Error> = found.iter().filter_map(|f| f.as_ref().err()).collect();
         if let Some(first) = unreadable.first() {
@@ -212,52 +206,6 @@ impl SourceArguments {
             track: KeypointTrack::new(keys, points)?,
             image_size: size.filter(|_| same),
         })
-    }
-}
-
-/// Extracts every frame, dealt to the threads of the current pool; the results are in order.
-fn extract_all(
-    encoder: &Encoder,
-    frames: &dyn FrameSource,
-    report: &(dyn Fn(Event) + Sync),
-    cancel: &Cancel,
-) -> Result<Vec<Result<Extraction>>> {
-    report(Event::Started {
-        what: "extracting keypoints".to_owned(),
-        total: frames.index().keys().len() as u64,
-    });
-    let done = std::sync::atomic::AtomicU64::new(0);
-    // As many as there are threads, each with memory that the next frame finds again.
-    let idle: Mutex<Vec<CpuExtractor<&Encoder>>> = Mutex::default();
-    let stack = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-    let one = |i: usize| {
-        cancel.check()?;
-        let place = |e: Error| e.at(&frames.index().keys()[i]);
-        let frame = frames.read(i);
-        let taken = stack().pop();
-        let mut extractor = taken.unwrap_or_else(|| CpuExtractor::new(encoder));
-        let found = frame.and_then(|frame| extractor.extract_frame(&frame).map_err(place));
-        stack().push(extractor);
-        let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        report(Event::Progress {
-            done,
-            note: String::new(),
-        });
-        found
-    };
-    let count = frames.index().keys().len();
-    let mut found: Vec<Result<Extraction>> = Vec::with_capacity(count);
-    for start in (0..count).step_by(BLOCK) {
-        let block = (start..(start + BLOCK).min(count)).into_par_iter();
-        found.par_extend(block.map(one));
-    }
-    report(Event::Done);
-    match found
-        .iter()
-        .find(|f| matches!(f, Err(e) if e.kind() == ErrorKind::Cancelled))
-    {
-        Some(_) => Err(Error::cancelled()),
-        None => Ok(found),
     }
 }
 

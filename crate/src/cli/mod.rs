@@ -14,8 +14,6 @@ mod data;
 mod device;
 mod extract;
 mod files;
-#[cfg(feature = "gpu")]
-mod gpu;
 mod painter;
 mod report;
 mod score;

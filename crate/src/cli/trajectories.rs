@@ -5,9 +5,9 @@ use std::path::Path as FilePath;
 
 use super::files;
 use crate::data::{Filter, Frame, FrameSource, SequenceRange, join};
-use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
-use crate::extract::{CpuExtractor, Extractor as _};
+use crate::event::Cancel;
+use crate::extract::{CpuExtractor, Extractor as _, extract_frames};
 use crate::report::{Figure, Group, ObjectReport, Path, Run, Runs, Scene, trajectories};
 use crate::track::GroundTruth;
 
@@ -145,13 +145,12 @@ fn figure(
     };
 
     let path = FilePath::new(&run.name).join(CHECKPOINT);
-    let encoder =
-        Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
-    let mut extractor = CpuExtractor::new(encoder);
+    let extractor =
+        CpuExtractor::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
     let mut scenes = Vec::new();
     for range in chosen {
         let trained = config.training_sequences.contains(&range.name);
-        let mut scene = scene(range, frames, &mut extractor, &fits, |t, k| {
+        let mut scene = scene(range, frames, &extractor, &fits, |t, k| {
             rows[t].map_or([f64::NAN; 2], |row| {
                 let point = truth.frame(row);
                 [point[[columns[k], 0]], point[[columns[k], 1]]]
@@ -239,7 +238,7 @@ fn motion(
 fn scene(
     range: &SequenceRange,
     frames: &dyn FrameSource,
-    extractor: &mut CpuExtractor<Encoder>,
+    extractor: &CpuExtractor,
     fits: &[&ObjectReport],
     truth: impl Fn(usize, usize) -> [f64; 2],
 ) -> Result<Scene> {
@@ -249,12 +248,10 @@ fn scene(
         transformed: Vec::new(),
     };
     let mut paths: Vec<Path> = fits.iter().map(|_| empty()).collect();
-    let mut shown = None;
-    for t in range.start..range.start + range.length {
-        let frame = frames.read(t)?;
-        let found = extractor
-            .extract_frame(&frame)
-            .map_err(|e| e.at(&frames.index().keys()[t]))?;
+    let all = range.start..range.start + range.length;
+    let found = extract_frames(extractor, frames, all.clone(), &|_| (), &Cancel::default())?;
+    for (t, found) in all.zip(found) {
+        let found = found?;
         let grid = extractor.grid(found.image_size);
         for (k, (fit, path)) in fits.iter().zip(&mut paths).enumerate() {
             let (Some(n), Some(map)) = (fit.best_keypoint, fit.map) else {
@@ -271,11 +268,8 @@ fn scene(
             path.transformed
                 .push([0, 1].map(|axis| map.a[axis][0] * x + map.a[axis][1] * y + map.b[axis]));
         }
-        shown.get_or_insert(frame);
     }
-    let frame =
-        shown.ok_or_else(|| Error::input(format!("sequence {} has no frame", range.name)))?;
-    let small = shrunk(frame)?;
+    let small = shrunk(frames.read(range.start)?)?;
     Ok(Scene {
         title: range.name.clone(),
         png: small.to_png()?,

@@ -2,6 +2,8 @@
 //! and a folder on disk.
 
 mod archive;
+#[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
+mod blocks;
 mod classify;
 mod frames;
 #[cfg(feature = "hdf5")]
@@ -19,6 +21,8 @@ pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
     TAIL as ARCHIVE_TAIL, ZIP_MAGIC,
 };
+#[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
+pub(crate) use blocks::for_blocks;
 pub use classify::{Classification, Role, classify};
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
@@ -33,8 +37,6 @@ pub use npz::{
 };
 pub use recording::{AxisOrder, Recording};
 pub use resize::{Filter, resize_planar};
-#[cfg(any(feature = "cli", feature = "train"))]
-pub(crate) use source::BLOCK;
 pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, numpy_permutation};
 #[cfg(feature = "report")]

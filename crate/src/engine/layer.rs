@@ -38,7 +38,7 @@ enum Kernel {
     Winograd(Tiling, Vec<Panels>),
 }
 
-/// How a layer is computed, see [`Encoder::plan`](super::Encoder::plan).
+/// How a layer is computed, see [`CpuEncoder::plan`](super::CpuEncoder::plan).
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct PlannedLayer {
     /// The name of the convolution in the state dict.
@@ -60,6 +60,27 @@ pub(super) struct Sizes {
     pub from: [usize; 2],
     pub convolved: [usize; 2],
     pub to: [usize; 2],
+}
+
+impl Sizes {
+    /// What a layer makes of an input of `from`.
+    ///
+    /// # Errors
+    /// When it is too small.
+    pub fn new(layer: &ConvLayer, from: [usize; 2]) -> Result<Self> {
+        let sides = from.map(|side| layer.convolved_side(side).zip(layer.output_side(side)));
+        match sides {
+            [Some((width, to_width)), Some((height, to_height))] => Ok(Self {
+                from,
+                convolved: [width, height],
+                to: [to_width, to_height],
+            }),
+            _ => Err(Error::input(format!(
+                "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
+                layer.name, from[0], from[1], layer.kernel, layer.kernel
+            ))),
+        }
+    }
 }
 
 impl Layer {
@@ -160,26 +181,6 @@ impl Layer {
     /// Numbers of a cell that goes out.
     pub fn outputs(&self) -> usize {
         self.channels[1]
-    }
-
-    /// What the layer makes of an input of `from`.
-    ///
-    /// # Errors
-    /// When it is too small.
-    pub fn sizes(&self, from: [usize; 2]) -> Result<Sizes> {
-        let layer = &self.shape;
-        let sides = from.map(|side| layer.convolved_side(side).zip(layer.output_side(side)));
-        match sides {
-            [Some((width, to_width)), Some((height, to_height))] => Ok(Sizes {
-                from,
-                convolved: [width, height],
-                to: [to_width, to_height],
-            }),
-            _ => Err(Error::input(format!(
-                "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
-                layer.name, from[0], from[1], layer.kernel, layer.kernel
-            ))),
-        }
     }
 
     /// How the input has to lie in memory, and the numbers of the buffer that holds it.

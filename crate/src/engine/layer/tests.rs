@@ -97,7 +97,7 @@ fn error(shape: &ConvLayer, size: [usize; 2]) -> f64 {
         inputs => inputs.next_multiple_of(lanes),
     };
     let layer = Layer::new(&checkpoint, shape.clone(), lanes, channels).expect("a layer");
-    let sizes = layer.sizes(size).expect("large enough");
+    let sizes = Sizes::new(shape, size).expect("large enough");
     let values = noise(9, size[0] * size[1] * shape.inputs);
     let (map, len) = layer.input(&sizes);
     let [mut input, mut output, mut scratch] = [(); 3].map(|()| Buffer::default());
@@ -212,7 +212,7 @@ fn the_plan_says_how_a_layer_is_computed() {
         let checkpoint = checkpoint(&shape);
         let layer =
             Layer::new(&checkpoint, shape.clone(), gemm::lanes(), shape.inputs).expect("a layer");
-        layer.plan(&layer.sizes([256, 256]).expect("large enough"))
+        layer.plan(&Sizes::new(&shape, [256, 256]).expect("large enough"))
     };
     let by_tiles = plan(ConvLayer {
         pool: true,
