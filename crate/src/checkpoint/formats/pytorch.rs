@@ -1,6 +1,7 @@
 //! What `torch.save` writes: a ZIP archive of stored entries, `…/data.pkl` with everything but the
 //! numbers of the tensors, which are in `…/data/0` and so on.
 
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write as _;
 
@@ -8,7 +9,9 @@ use rawzip::{
     CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipArchiveWriter, ZipSliceArchive,
 };
 
-use super::pickle::{Id, Node, Pickle};
+use serde_json::Value;
+
+use super::pickle::{Id, Node, Pickle, ToJson};
 use super::{Contents, Element, count, is_counter, not_float};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
@@ -41,6 +44,8 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     // Several tensors may lie in the same bytes, so that a small file could ask for any amount of
     // memory.
     let mut left = bytes.len().saturating_mul(8);
+    // Each is checked against its sum once.
+    let mut storages = HashMap::new();
     for (key, value) in pickle.entries(weights) {
         let Some(name) = pickle.text(*key) else {
             continue;
@@ -51,7 +56,15 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         let Some(tensor) = View::of(&pickle, *value, name)? else {
             continue;
         };
-        let tensor = tensor.read(&archive, name)?;
+        let stored = match storages.entry(tensor.storage) {
+            Entry::Occupied(stored) => *stored.get(),
+            Entry::Vacant(place) => *place.insert(
+                archive
+                    .entry(&format!("data/{}", tensor.storage))
+                    .map_err(|e| e.at(format_args!("tensor `{name}`")))?,
+            ),
+        };
+        let tensor = tensor.read(stored, name)?;
         left = left.checked_sub(4 * tensor.data.len()).ok_or_else(|| {
             Error::input(format!(
                 "the tensors up to `{name}` are many times as large as the file; the file is damaged"
@@ -60,6 +73,7 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         tensors.insert(name.to_owned(), tensor);
     }
     let mut metadata = BTreeMap::new();
+    let mut json = ToJson::new(&pickle);
     if weights != pickle.root() {
         for (key, value) in pickle.entries(pickle.root()) {
             let Some(name) = pickle.text(*key) else {
@@ -68,16 +82,12 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
             if *value == weights || STATES.iter().any(|state| name.contains(state)) {
                 continue;
             }
-            let text = match pickle.node(*value) {
-                Node::Text(text) => Some(text.clone()),
-                _ => pickle
-                    .json(*value)
-                    .filter(|json| !json.is_null())
-                    .map(|json| json.to_string()),
+            let text = match (pickle.node(*value), json.value(*value)?) {
+                (_, None | Some(Value::Null)) => continue,
+                (Node::Text(_), Some(Value::String(text))) => text,
+                (_, Some(json)) => json.to_string(),
             };
-            if let Some(text) = text {
-                metadata.insert(name.to_owned(), text);
-            }
+            metadata.insert(name.to_owned(), text);
         }
     }
     Ok(Contents { tensors, metadata })
@@ -86,15 +96,14 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
 /// The dictionary that holds the weights.
 fn weights(pickle: &Pickle) -> Result<Id> {
     let root = pickle.root();
-    if let Node::Object { class, .. } = pickle.node(root) {
+    if let Some(class) = pickle.class(root) {
         return Err(Error::input(format!(
             "a whole `{class}` rather than its weights; save model.state_dict() instead"
         )));
     }
     let holds_tensors = |dict: Id| {
         let mut entries = pickle.entries(dict).iter();
-        entries
-            .any(|(_, value)| matches!(pickle.node(*value), Node::Object { class, .. } if is_tensor(class)))
+        entries.any(|(_, value)| pickle.class(*value).is_some_and(is_tensor))
     };
     let named = WEIGHTS.iter().filter_map(|key| pickle.get(root, key));
     let mut candidates = named.chain([root]);
@@ -131,9 +140,7 @@ struct View<'a> {
 impl<'a> View<'a> {
     /// `None` for what is no tensor.
     fn of(pickle: &'a Pickle, id: Id, name: &str) -> Result<Option<Self>> {
-        let Node::Object {
-            class, arguments, ..
-        } = pickle.node(id)
+        let (Node::Object { arguments, .. }, Some(class)) = (pickle.node(id), pickle.class(id))
         else {
             return Ok(None);
         };
@@ -187,10 +194,7 @@ impl<'a> View<'a> {
         }))
     }
 
-    fn read(self, archive: &Archive, name: &str) -> Result<Tensor> {
-        let stored = archive
-            .entry(&format!("data/{}", self.storage))
-            .map_err(|e| e.at(format_args!("tensor `{name}`")))?;
+    fn read(self, stored: &[u8], name: &str) -> Result<Tensor> {
         let size = self.element.size();
         let available = stored.len() / size;
         let outside = || {
@@ -262,10 +266,10 @@ fn strides(shape: &[usize]) -> Vec<usize> {
 /// The entries of a ZIP archive, by their names without the folder that all are in.
 struct Archive<'a> {
     zip: ZipSliceArchive<&'a [u8]>,
-    entries: HashMap<String, Entry>,
+    entries: HashMap<String, Stored>,
 }
 
-struct Entry {
+struct Stored {
     place: ZipArchiveEntryWayfinder,
     is_stored: bool,
     crc32: u32,
@@ -288,7 +292,7 @@ impl<'a> Archive<'a> {
             let Some((_, name)) = path.split_once('/') else {
                 continue;
             };
-            let found = Entry {
+            let found = Stored {
                 place: entry.wayfinder(),
                 is_stored: entry.compression_method() == CompressionMethod::STORE,
                 crc32: entry.crc32(),
