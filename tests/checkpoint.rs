@@ -465,7 +465,10 @@ fn a_small_pickle_does_not_make_large_metadata() {
     let error = read_tensors(&file(&shared))
         .expect_err("too large")
         .to_string();
-    assert!(error.contains("the values beside the weights"), "{error}");
+    assert!(
+        error.contains("the values saved with the weights"),
+        "{error}"
+    );
 
     // Lists that name one long text many times are not a configuration, and are left out.
     let mut texts = b"U\x01tX".to_vec();

@@ -24,7 +24,7 @@ use crate::extract::DeviceExtractor;
 use crate::extract::{CpuExtractor, Extraction, Extractor, extract_frames};
 use crate::track::KeypointTrack;
 
-/// The path that stands for it.
+/// The path that stands for the standard output.
 const STANDARD_OUTPUT: &str = "-";
 
 #[derive(Debug, Args)]
@@ -53,7 +53,7 @@ pub(super) struct EvalArguments {
     scoring: ScoringArguments,
 }
 
-/// The path of a file, where the standard output has something else already.
+/// The path of a file, for when the standard output is taken.
 fn parse_file(text: &str) -> Result<PathBuf> {
     if text == STANDARD_OUTPUT {
         return Err(Error::input(
@@ -75,13 +75,13 @@ struct SourceArguments {
     frames: PathBuf,
     #[command(flatten)]
     reading: TruthArguments,
-    /// What computes; gpu needs a build with the feature `gpu`
+    /// The device to compute on; gpu needs a build with the feature `gpu`
     #[arg(long, value_enum, default_value_t = DeviceKind::Cpu)]
     device: DeviceKind,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
-    /// Leave frames out that cannot be read, and count them, instead of stopping at the first
+    /// Leave out and count frames that cannot be read, instead of stopping at the first
     #[arg(long)]
     skip_unreadable: bool,
     /// No progress bar
@@ -114,7 +114,7 @@ pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
 }
 
 pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
-    // Before the long work: a table that cannot be read should not cost minutes.
+    // Before the long work, so that a table that cannot be read does not cost minutes.
     arguments.scoring.check()?;
     let source = &arguments.source;
     let frames = source.reading.open(&source.frames)?;
@@ -198,9 +198,7 @@ impl SourceArguments {
         let size = good.first().map(|g| g.image_size);
         let same = good.iter().all(|g| Some(g.image_size) == size);
         if !same && checkpoint.config.input_size.is_none() {
-            eprintln!(
-                "note: the frames are of different sizes and the checkpoint names no input size"
-            );
+            eprintln!("note: the frames have different sizes and the checkpoint has no input size");
         }
         Ok(Extracted {
             track: KeypointTrack::new(keys, points)?,
@@ -235,7 +233,7 @@ pub(super) fn show(bar: &ProgressBar, event: &Event) {
             let style =
                 ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
             let speed = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-                // Nothing can be done when the terminal's line takes no text.
+                // Nothing can be done when the terminal takes no text.
                 let _ = write!(out, "{:.1}/s", state.per_sec());
             };
             bar.set_style(style.with_key("speed", speed));

@@ -7,15 +7,13 @@ use rten_simd::SimdOp;
 
 use super::buffer::Buffer;
 use super::direct::{Direct, slack};
+use super::epilogue::Epilogue;
 use super::gemm::Panels;
 use super::map::Map;
 use super::pool::MaxPool;
-use super::winograd::{Epilogue, Tiling, Winograd};
-use crate::checkpoint::{Checkpoint, ConvLayer, Tensor};
+use super::winograd::{Tiling, Winograd};
+use crate::checkpoint::{BATCH_NORM_EPSILON, Checkpoint, ConvLayer, Tensor};
 use crate::error::{Error, Result};
-
-/// PyTorch's default `eps` of batch norm.
-const BATCH_NORM_EPSILON: f32 = 1e-5;
 
 /// A convolution and what follows it, with its weights packed.
 pub(super) struct Layer {
@@ -408,7 +406,7 @@ pub(super) fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32
     let scale: Vec<f32> = weight
         .iter()
         .zip(variance)
-        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON).sqrt())
+        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON as f32).sqrt())
         .collect();
     let shift = bias
         .iter()

@@ -19,12 +19,14 @@ mod buffer;
 mod decoder;
 mod direct;
 mod encoder;
+pub(crate) mod epilogue;
 pub(crate) mod gemm;
 mod layer;
 pub(crate) mod map;
-mod pool;
+pub(crate) mod pool;
 mod simd;
 mod softargmax;
+pub(crate) mod tile;
 pub(crate) mod winograd;
 
 pub use decoder::CpuDecoder;

@@ -78,7 +78,7 @@ impl Pickle {
         let root = machine.run().ok_or_else(|| {
             if machine.nodes.len() >= MOST_VALUES {
                 return Error::input(format!(
-                    "the pickle has more than {MOST_VALUES} values beside the weights; save only model.state_dict()"
+                    "the pickle has more than {MOST_VALUES} values besides the weights; save only model.state_dict()"
                 ));
             }
             let position = machine.position.saturating_sub(1);
@@ -234,7 +234,7 @@ impl<'a> ToJson<'a> {
         self.left -= most - left;
         if value.is_none() && most < MOST_OF_ONE {
             return Err(Error::input(format!(
-                "the values beside the weights make more than {MOST_OF_ALL} bytes; the file is damaged, or save only \
+                "the values saved with the weights make more than {MOST_OF_ALL} bytes; the file is damaged, or save only \
                  model.state_dict()"
             )));
         }

@@ -1,5 +1,5 @@
 //! What `torch.save` writes: a ZIP archive of stored entries, `…/data.pkl` with everything but the
-//! numbers of the tensors, which are in `…/data/0` and so on.
+//! values of the tensors, which are in `…/data/0` and so on.
 
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
@@ -11,14 +11,15 @@ use rawzip::{
 
 use serde_json::Value;
 
+use super::contents::Contents;
+use super::element::{Element, count, is_counter, not_float};
 use super::pickle::{Id, Node, Pickle, ToJson};
-use super::{Contents, Element, count, is_counter, not_float};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 
 /// Where training scripts put the weights in what they save; the authors' is the first.
 const WEIGHTS: [&str; 4] = ["model_state_dict", "state_dict", "model", "weights"];
-/// What is saved beside the weights and of no use without the script.
+/// Entries saved with the weights that are of no use without the script.
 const STATES: [&str; 3] = ["optimizer", "scheduler", "scaler"];
 /// A pickle of a checkpoint has tens of kilobytes; this bounds the memory that a made-up one takes.
 const LARGEST_PICKLE: usize = 16 << 20;
@@ -33,7 +34,7 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let stored = archive.entry("data.pkl")?;
     if stored.len() > LARGEST_PICKLE {
         return Err(Error::input(format!(
-            "the pickle has {} bytes beside the weights; expected at most {LARGEST_PICKLE}: save only \
+            "the pickle has {} bytes besides the weights; expected at most {LARGEST_PICKLE}: save only \
              model.state_dict()",
             stored.len()
         )));
@@ -138,7 +139,7 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// `None` for what is no tensor.
+    /// `None` for what is not a tensor.
     fn of(pickle: &'a Pickle, id: Id, name: &str) -> Result<Option<Self>> {
         let (Node::Object { arguments, .. }, Some(class)) = (pickle.node(id), pickle.class(id))
         else {
@@ -323,7 +324,7 @@ impl<'a> Archive<'a> {
             Error::input(format!("the archive's entry `{name}` cannot be read: {e}"))
         })?;
         let bytes = found.data();
-        // torch.save can be told to leave the sums out; they are 0 then. (rawzip's own sum would
+        // torch.save can leave the sums out; they are 0 then. (rawzip's own sum would
         // bring 16 KB of tables into the page; the PNG decoder brings these anyway.)
         if entry.crc32 != 0 && crc32fast::hash(bytes) != entry.crc32 {
             return Err(Error::input(format!(

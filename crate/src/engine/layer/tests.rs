@@ -78,7 +78,7 @@ fn naive(checkpoint: &Checkpoint, shape: &ConvLayer, sizes: &Sizes, input: &[f32
         *sum = match shape.norm {
             None => *sum + part("conv.bias"),
             Some(_) => {
-                let deviation = (part("bn.running_var") + f64::from(BATCH_NORM_EPSILON)).sqrt();
+                let deviation = (part("bn.running_var") + BATCH_NORM_EPSILON).sqrt();
                 let normed = (*sum - part("bn.running_mean")) / deviation;
                 (normed * part("bn.weight") + part("bn.bias")).max(0.0)
             }
