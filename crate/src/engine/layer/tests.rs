@@ -229,6 +229,9 @@ fn the_plan_says_how_a_layer_is_computed() {
     let first = plan(shape(7, 2, 3, 64));
     assert_eq!(first.kernel, "direct 7x7, stride 2 + ReLU");
     assert_eq!(first.done, first.defined);
+    let along_rows = plan(shape(7, 1, 3, 32));
+    assert_eq!(along_rows.kernel, "Winograd F(4, 7) along rows + ReLU");
+    assert_eq!(along_rows.done, 64 * 256 * 70 * 3 * 32);
 }
 
 #[test]
@@ -254,6 +257,7 @@ fn the_size_of_packed_weights_is_known_before_they_are_packed() {
         (3, 1, 32, 40),
         (3, 2, 32, 64),
         (5, 1, 16, 30),
+        (7, 1, 3, 32),
         (7, 2, 3, 64),
         (1, 1, 32, 5),
     ] {
@@ -267,7 +271,7 @@ fn the_size_of_packed_weights_is_known_before_they_are_packed() {
             Layer::new(&checkpoint(&shape), shape.clone(), lanes, channels).expect("a layer");
         let packed = match &layer.kernel {
             Kernel::Direct(panels) => panels.steps() * panels.columns(),
-            Kernel::Winograd(_, panels) => panels
+            Kernel::Rows(panels) | Kernel::Winograd(_, panels) => panels
                 .iter()
                 .map(|panels| panels.steps() * panels.columns())
                 .sum(),
