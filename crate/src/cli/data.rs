@@ -3,18 +3,16 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufWriter, IsTerminal as _};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::TruthArguments;
-use crate::data::{BLOCK, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
+use crate::data::{self, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::JoinReport;
 use crate::event::{Cancel, Event};
@@ -91,23 +89,17 @@ fn for_blocks<T: Send>(
             total: frames as u64,
         },
     );
-    for start in (0..frames).step_by(BLOCK) {
-        let block: Range<usize> = start..(start + BLOCK).min(frames);
-        let end = block.end;
-        let done: Vec<Result<T>> = block
-            .into_par_iter()
-            .map(|i| cancel.check().and_then(|()| one(i)))
-            .collect();
-        cancel.check()?;
-        block_done(done)?;
-        show(
-            &bar,
-            &Event::Progress {
-                done: end as u64,
-                note: String::new(),
-            },
-        );
-    }
+    let mut finished = 0;
+    data::for_blocks(0..frames, cancel, one, |block| {
+        finished += block.len() as u64;
+        block_done(block)?;
+        let event = Event::Progress {
+            done: finished,
+            note: String::new(),
+        };
+        show(&bar, &event);
+        Ok(())
+    })?;
     show(&bar, &Event::Done);
     Ok(())
 }

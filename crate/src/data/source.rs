@@ -6,10 +6,6 @@ use super::reading::Notice;
 use crate::error::Result;
 use crate::track::GroundTruth;
 
-/// Frames that are best read side by side: neighbours, since a recording unpacks them together.
-#[cfg(any(feature = "cli", feature = "train"))]
-pub(crate) const BLOCK: usize = 256;
-
 /// Frames in order, read one by one: a folder of images, or a recording. What reads frames takes
 /// any of them.
 pub trait FrameSource: Send + Sync {
