@@ -2,19 +2,19 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
-import { showComparison } from "./compare.js";
-import { RunsComparison } from "./comparison.js";
-import { DeviceExtractor } from "./device-extractor.js";
-import { showDevices } from "./device-view.js";
-import { announce, byId } from "./dom.js";
+import { showComparison } from "./comparison/view.js";
+import { RunsComparison } from "./comparison/comparison.js";
+import { DeviceExtractor } from "./extraction/device-extractor.js";
+import { showDevices } from "./extraction/device-view.js";
+import { announce, byId } from "./ui/dom.js";
 import { embed, embedder } from "./embed.js";
-import { fetchExample } from "./example.js";
-import { WorkerPool } from "./extraction-pool.js";
-import { showExtraction } from "./extraction-view.js";
-import { showFiles } from "./files-view.js";
-import { fromDrop, fromInput } from "./files.js";
+import { fetchExample } from "./files/example.js";
+import { WorkerPool } from "./extraction/pool.js";
+import { showExtraction } from "./extraction/view.js";
+import { showFiles } from "./files/view.js";
+import { fromDrop, fromInput } from "./files/sources.js";
 import { keepOffline } from "./offline.js";
-import { showResults } from "./results.js";
+import { showResults } from "./results/results.js";
 import { Session } from "./session.js";
 import { showViewer } from "./viewer/viewer.js";
 

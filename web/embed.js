@@ -5,7 +5,7 @@
  * docs/embedding.md.
  */
 
-import { byId, h } from "./dom.js";
+import { byId, h } from "./ui/dom.js";
 import { version } from "./pkg/index.js";
 
 /**
@@ -90,7 +90,7 @@ export function embed(session, origin) {
 
 /**
  * @param {unknown} files
- * @returns {import("./files.js").Source[]}
+ * @returns {import("./files/sources.js").Source[]}
  */
 function filesOf(files) {
   if (!Array.isArray(files)) throw new Error("`files` is no array; expected [{ path, data }, …]");

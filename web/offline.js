@@ -1,7 +1,7 @@
 // @ts-check
 /** The copy of the page that works without a network: made after the first load, replaced when the user agrees. */
 
-import { byId, fill, h } from "./dom.js";
+import { byId, fill, h } from "./ui/dom.js";
 
 const DELAY_MS = 2000;
 /** A page that stays open asks this often whether there is a newer version, when it is looked at again. */

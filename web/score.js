@@ -11,10 +11,10 @@ import { messageOf } from "./errors.js";
 import { load, store } from "./settings.js";
 
 /**
- * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./intake.js").Entry} Entry
- * @typedef {import("./saved.js").SavedEvaluation} SavedEvaluation
+ * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("./files/sources.js").Source} Source
+ * @typedef {import("./files/intake.js").Entry} Entry
+ * @typedef {import("./files/saved.js").SavedEvaluation} SavedEvaluation
  * @typedef {import("./pkg/index.js").CommandInputs} CommandInputs
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").Intervals} Intervals

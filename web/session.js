@@ -6,20 +6,20 @@
 
 import { FrameIndex, KeypointTable, Scoring, joinFrames } from "./pkg/index.js";
 import { kindOf, messageOf } from "./errors.js";
-import { Extraction } from "./extraction.js";
-import { blobOf, readError } from "./files.js";
-import { count, names } from "./format.js";
-import { decodeImage } from "./image-cache.js";
-import { identify, isReadWithSize, isTable, needsParsing, parseTable } from "./intake.js";
-import { SavedEvaluation } from "./saved.js";
+import { Extraction } from "./extraction/extraction.js";
+import { blobOf, readError } from "./files/sources.js";
+import { count, names } from "./ui/format.js";
+import { decodeImage } from "./files/image-cache.js";
+import { identify, isReadWithSize, isTable, needsParsing, parseTable } from "./files/intake.js";
+import { SavedEvaluation } from "./files/saved.js";
 import { Score } from "./score.js";
 
 /**
- * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./intake.js").Container} Container
- * @typedef {import("./intake.js").Entry} Entry
- * @typedef {import("./intake.js").Slot} Slot
+ * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("./files/sources.js").Source} Source
+ * @typedef {import("./files/intake.js").Container} Container
+ * @typedef {import("./files/intake.js").Entry} Entry
+ * @typedef {import("./files/intake.js").Slot} Slot
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
@@ -54,7 +54,7 @@ export class Session extends Score {
   images = new Map();
   /** The files that held others. @type {Container[]} */
   containers = [];
-  /** Folders of runs by path. @type {Map<string, import("./runs.js").RunFolder>} */
+  /** Folders of runs by path. @type {Map<string, import("./files/runs.js").RunFolder>} */
   runs = new Map();
   /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
   origin = null;
@@ -89,7 +89,7 @@ export class Session extends Score {
   #derived = [];
 
   /**
-   * @param {import("./extractor.js").Extractor} extractor
+   * @param {import("./extraction/extractor.js").Extractor} extractor
    * @param {{ remembers: boolean }} settings whether options outlast the page
    */
   constructor(extractor, { remembers }) {
@@ -848,7 +848,7 @@ export class Session extends Score {
 /**
  * Whether there is neither anything of use in files, nor anything that would be if it could be
  * read.
- * @param {import("./intake.js").Found} found
+ * @param {import("./files/intake.js").Found} found
  */
 function isNothing({ images, runs, entries, containers }) {
   const isUseless = entries.every(({ role, error }) => role === "unknown" && error === "");

@@ -2,8 +2,8 @@
 /** TC over a common factor of all thresholds, with a slider that reads it off. */
 
 import { capabilityFigure } from "../pkg/index.js";
-import { h } from "../dom.js";
-import { fixed, significant } from "../format.js";
+import { h } from "../ui/dom.js";
+import { fixed, significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
 /** @typedef {import("../session.js").Session} Session */

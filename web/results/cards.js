@@ -1,8 +1,8 @@
 // @ts-check
 /** One object: tracked or not, by how much, by which keypoint, under which map, in which frames. */
 
-import { byId, fill, h, icon } from "../dom.js";
-import { integer, significant } from "../format.js";
+import { byId, fill, h, icon } from "../ui/dom.js";
+import { integer, significant } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -118,7 +118,7 @@ function factsOf(session, object, result) {
     total > result.frames && `${integer(total - result.frames)} not visible`,
     (evaluation?.excluded ?? 0) > 0 && `${integer(evaluation?.excluded ?? 0)} not finite`,
   ].filter(Boolean);
-  const fact = (/** @type {string} */ term, /** @type {import("../dom.js").Child[]} */ ...text) =>
+  const fact = (/** @type {string} */ term, /** @type {import("../ui/dom.js").Child[]} */ ...text) =>
     h("div", {}, h("dt", {}, term), h("dd", {}, ...text));
   const look = (/** @type {number} */ keypoint) =>
     h(

@@ -1,9 +1,9 @@
 // @ts-check
 /** What others measure of the same data, computed when it is looked at. */
 
-import { fill, h } from "../dom.js";
-import { integer, significant } from "../format.js";
-import { scrollRegion } from "../scroll-region.js";
+import { fill, h } from "../ui/dom.js";
+import { integer, significant } from "../ui/format.js";
+import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
  * @typedef {import("../session.js").Session} Session

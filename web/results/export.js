@@ -2,8 +2,8 @@
 /** Taking the results away: files, and the command that repeats them. */
 
 import init, { evaluationCsv, evaluationPage } from "../pkg/index.js";
-import { announce, h, icon } from "../dom.js";
-import { save } from "../download.js";
+import { announce, h, icon } from "../ui/dom.js";
+import { save } from "../ui/download.js";
 
 /**
  * @typedef {import("../session.js").Session} Session

@@ -2,9 +2,9 @@
 /** Figures of the results: SVG from the package, redrawn for the width and the colours in force, saved as SVG and PNG. */
 
 import init from "../pkg/index.js";
-import { fill, h, icon } from "../dom.js";
-import { save } from "../download.js";
-import { scrollRegion } from "../scroll-region.js";
+import { fill, h, icon } from "../ui/dom.js";
+import { save } from "../ui/download.js";
+import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
  * @typedef {import("../pkg/index.js").Drawn} Drawn

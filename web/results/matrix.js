@@ -2,8 +2,8 @@
 /** The errors of all keypoints for all objects: a heat map whose cells choose the keypoint on display. */
 
 import { matrixFigure } from "../pkg/index.js";
-import { fill, h } from "../dom.js";
-import { significant } from "../format.js";
+import { fill, h } from "../ui/dom.js";
+import { significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
 /** @typedef {import("../session.js").Session} Session */

@@ -2,8 +2,8 @@
 /** Where the error of an object comes from: its sequences and frames, the worst ones first, and a way to each. */
 
 import { sequencesFigure } from "../pkg/index.js";
-import { byId, fill, h } from "../dom.js";
-import { count, integer, significant } from "../format.js";
+import { byId, fill, h } from "../ui/dom.js";
+import { count, integer, significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
 /**

@@ -1,8 +1,8 @@
 // @ts-check
 /** Tracking capability at large, how it was scored, and the switches of that. */
 
-import { fill, h, notice } from "../dom.js";
-import { baseName, count, fixed } from "../format.js";
+import { fill, h, notice } from "../ui/dom.js";
+import { baseName, count, fixed } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session

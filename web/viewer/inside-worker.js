@@ -1,7 +1,7 @@
 // @ts-check
 /** The worker of `inside.js`: its own instance of the package, one checkpoint. */
 
-import { decodable } from "../decodable.js";
+import { decodable } from "../extraction/decodable.js";
 import init, { Decoder, Encoder } from "../pkg/index.js";
 
 /** The page ends this worker when the checkpoint changes. @type {Encoder | undefined} */

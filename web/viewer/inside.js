@@ -5,11 +5,11 @@
  * responsive.
  */
 
-import { blobOf, readError } from "../files.js";
+import { blobOf, readError } from "../files/sources.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
- * @typedef {import("../files.js").Source} Source
+ * @typedef {import("../files/sources.js").Source} Source
  * @typedef {import("./scene.js").Heat} Heat
  * @typedef {{ width: number, height: number, weights: Float32Array }} Weights
  * @typedef {{ path: string, blob: Blob }} Given

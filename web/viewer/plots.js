@@ -2,9 +2,9 @@
 /** x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move the frame. */
 
 import init, { drawLines, linesToSvg } from "../pkg/index.js";
-import { fill, h, icon } from "../dom.js";
-import { save } from "../download.js";
-import { significant } from "../format.js";
+import { fill, h, icon } from "../ui/dom.js";
+import { save } from "../ui/download.js";
+import { significant } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session

@@ -1,8 +1,8 @@
 // @ts-check
 /** The sequences with their errors, to pick one; only the rows in sight are elements of the page. */
 
-import { fill, h } from "../dom.js";
-import { count, significant } from "../format.js";
+import { fill, h } from "../ui/dom.js";
+import { count, significant } from "../ui/format.js";
 
 /** @typedef {import("../session.js").Session} Session */
 

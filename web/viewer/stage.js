@@ -1,9 +1,9 @@
 // @ts-check
 /** The frame on display: its image, its points, what the pointer is over. */
 
-import { h } from "../dom.js";
-import { baseName } from "../format.js";
-import { ImageCache } from "../image-cache.js";
+import { h } from "../ui/dom.js";
+import { baseName } from "../ui/format.js";
+import { ImageCache } from "../files/image-cache.js";
 import { gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
 import { paint, placing } from "./scene.js";

@@ -1,8 +1,8 @@
 // @ts-check
 /** Moving through the frames of a sequence: scrubber, playing, steps. */
 
-import { fill, h, icon } from "../dom.js";
-import { count, integer } from "../format.js";
+import { fill, h, icon } from "../ui/dom.js";
+import { count, integer } from "../ui/format.js";
 
 /** @typedef {import("../session.js").Session} Session */
 

@@ -1,8 +1,8 @@
 // @ts-check
 /** The frames of a sequence with the object, a keypoint and the keypoint under the fitted map, beside their plots. */
 
-import { byId, fill, h, icon } from "../dom.js";
-import { significant } from "../format.js";
+import { byId, fill, h, icon } from "../ui/dom.js";
+import { significant } from "../ui/format.js";
 import { load, store } from "../settings.js";
 import { Inside } from "./inside.js";
 import { plots } from "./plots.js";

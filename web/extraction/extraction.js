@@ -1,11 +1,11 @@
 // @ts-check
 /** The keypoints of frames under one checkpoint: those that are there, and the run that makes the others. */
 
-import { KeypointTable } from "./pkg/index.js";
+import { KeypointTable } from "../pkg/index.js";
 
 /**
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./pkg/index.js").FrameIndex} FrameIndex
+ * @typedef {import("../files/sources.js").Source} Source
+ * @typedef {import("../pkg/index.js").FrameIndex} FrameIndex
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {"idle" | "running" | "cancelled" | "failed"} Status

@@ -5,8 +5,8 @@
  */
 
 /**
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./pkg/index.js").EncoderInfo} EncoderInfo
+ * @typedef {import("../files/sources.js").Source} Source
+ * @typedef {import("../pkg/index.js").EncoderInfo} EncoderInfo
  * @typedef {{ points: Float64Array, width: number, height: number }} Extracted
  *
  * @typedef {object} Job

@@ -7,12 +7,12 @@
  * the CPU has come to. If it fails, the CPU goes on from the frame the GPU has come to.
  */
 
-import { messageOf } from "./errors.js";
-import { fixed, significant } from "./format.js";
+import { messageOf } from "../errors.js";
+import { fixed, significant } from "../ui/format.js";
 import { GpuWorker, findAdapter } from "./gpu.js";
 
 /**
- * @typedef {import("./files.js").Source} Source
+ * @typedef {import("../files/sources.js").Source} Source
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./extractor.js").Extractor} Extractor
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder

@@ -1,23 +1,23 @@
 // @ts-check
 /** The comparison of runs: tables, figures, what does not count, and files to take away. */
 
-import { announce, byId, fill, h, icon, notice } from "./dom.js";
-import { save } from "./download.js";
-import { baseName, count, fixed, integer, significant } from "./format.js";
-import { scrollRegion } from "./scroll-region.js";
+import { announce, byId, fill, h, icon, notice } from "../ui/dom.js";
+import { save } from "../ui/download.js";
+import { baseName, count, fixed, integer, significant } from "../ui/format.js";
+import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
  * @typedef {import("./comparison.js").RunsComparison} RunsComparison
- * @typedef {import("./pkg/index.js").Compared} Compared
- * @typedef {import("./pkg/index.js").Figure} Figure
- * @typedef {import("./pkg/index.js").RunDataSet} RunDataSet
- * @typedef {import("./pkg/index.js").RunsReport} RunsReport
+ * @typedef {import("../pkg/index.js").Compared} Compared
+ * @typedef {import("../pkg/index.js").Figure} Figure
+ * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
+ * @typedef {import("../pkg/index.js").RunsReport} RunsReport
  */
 
 /**
  * A column of a table: its heading, what a row shows in it, and what it is sorted by.
  * @template T
- * @typedef {{ label: string, text: (row: T) => import("./dom.js").Child, value?: (row: T) => string
+ * @typedef {{ label: string, text: (row: T) => import("../ui/dom.js").Child, value?: (row: T) => string
  * | number | null,
  *   isText?: boolean, isGood?: (row: T) => boolean }} Column
  */
@@ -255,11 +255,11 @@ function errorTable(report) {
 /**
  * @param {string} id
  * @param {string} caption
- * @param {(import("./dom.js").Child | import("./dom.js").Child[])[][]} rows the first one is the
+ * @param {(import("../ui/dom.js").Child | import("../ui/dom.js").Child[])[][]} rows the first one is the
  * header
  */
 function table(id, caption, [header, ...rows]) {
-  const cells = (/** @type {(import("./dom.js").Child | import("./dom.js").Child[])[]} */ row) =>
+  const cells = (/** @type {(import("../ui/dom.js").Child | import("../ui/dom.js").Child[])[]} */ row) =>
     row.map((cell, i) => (i === 0 ? h("th", { scope: "row" }, ...[cell].flat()) : h("td", {}, ...[cell].flat())));
   const element = h(
     "table",

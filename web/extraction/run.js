@@ -6,8 +6,8 @@
  */
 
 /**
- * @typedef {import("./extraction-line.js").Line} Line
- * @typedef {import("./extraction-line.js").Result} Result
+ * @typedef {import("./line.js").Line} Line
+ * @typedef {import("./line.js").Result} Result
  * @typedef {import("./extractor.js").Job} Job
  */
 

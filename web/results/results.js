@@ -1,18 +1,18 @@
 // @ts-check
 /** The results: tracking capability, a card per object, the figures, what others measure, and taking it all away. */
 
-import { announce, byId, fill, h } from "./dom.js";
-import { fixed } from "./format.js";
-import { capabilityView } from "./results/capability.js";
-import { card } from "./results/cards.js";
-import { contextView } from "./results/context.js";
-import { exportView } from "./results/export.js";
-import { matrixView } from "./results/matrix.js";
-import { sequencesView } from "./results/sequences.js";
-import { summaryView, tally } from "./results/summary.js";
+import { announce, byId, fill, h } from "../ui/dom.js";
+import { fixed } from "../ui/format.js";
+import { capabilityView } from "./capability.js";
+import { card } from "./cards.js";
+import { contextView } from "./context.js";
+import { exportView } from "./export.js";
+import { matrixView } from "./matrix.js";
+import { sequencesView } from "./sequences.js";
+import { summaryView, tally } from "./summary.js";
 
 /**
- * @typedef {import("./session.js").Session} Session
+ * @typedef {import("../session.js").Session} Session
  * @typedef {{ element: HTMLElement, update: () => void }} View
  */
 

@@ -1,19 +1,19 @@
 // @ts-check
 /** What dropped files are: containers are opened, everything else is read as what it is taken for. */
 
-import { GroundTruthTable, KeypointTable, classify } from "./pkg/index.js";
+import { GroundTruthTable, KeypointTable, classify } from "../pkg/index.js";
 import { openRecording } from "./containers/npz.js";
 import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
-import { blobOf, bytesOf, mapBounded, readError } from "./files.js";
-import { count } from "./format.js";
+import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
+import { count } from "../ui/format.js";
 import { splitRuns } from "./runs.js";
 
 /**
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./pkg/index.js").Arrays} Arrays
- * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./pkg/index.js").TableOptions} TableOptions
+ * @typedef {import("./sources.js").Source} Source
+ * @typedef {import("../pkg/index.js").Arrays} Arrays
+ * @typedef {import("../extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
  * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot what of each there is used
  * one
  *
@@ -38,7 +38,7 @@ import { splitRuns } from "./runs.js";
  * @property {boolean} lacksSize whether it is broken only because the size of the images is not
  * known
  * @property {string[]} notices
- * @property {import("./extraction.js").Extraction | null} extraction of a checkpoint
+ * @property {import("../extraction/extraction.js").Extraction | null} extraction of a checkpoint
  *
  * A file with others in it.
  * @typedef {object} Container

@@ -1,10 +1,10 @@
 // @ts-check
 /** What extracts the keypoints, and why; the choice between the CPU and the GPU. */
 
-import { announce, byId, fill, h, notice, prose } from "./dom.js";
+import { announce, byId, fill, h, notice, prose } from "../ui/dom.js";
 
 /**
- * @typedef {import("./session.js").Session} Session
+ * @typedef {import("../session.js").Session} Session
  * @typedef {import("./device-extractor.js").Choice} Choice
  * @typedef {import("./device-extractor.js").DeviceExtractor} DeviceExtractor
  */

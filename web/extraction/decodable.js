@@ -1,7 +1,7 @@
 // @ts-check
 /** Images for the extraction, in workers. */
 
-import init, { decodingMemory, imageToArray, needsDecoding } from "./pkg/index.js";
+import init, { decodingMemory, imageToArray, needsDecoding } from "../pkg/index.js";
 
 /** The part of the package cannot be loaded: no fault of an image. */
 export class PartError extends Error {}

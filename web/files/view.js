@@ -1,19 +1,19 @@
 // @ts-check
 /** The files taken, what is missing, what is wrong, and how frames found their rows. */
 
-import { GroundTruthTable, KeypointTable } from "./pkg/index.js";
-import { announce, byId, fill, h, icon, notice, prose } from "./dom.js";
-import { baseName, count, fixed, integer, names } from "./format.js";
+import { GroundTruthTable, KeypointTable } from "../pkg/index.js";
+import { announce, byId, fill, h, icon, notice, prose } from "../ui/dom.js";
+import { baseName, count, fixed, integer, names } from "../ui/format.js";
 import { isTable } from "./intake.js";
 import { SavedEvaluation } from "./saved.js";
-import { virtualList } from "./virtual-list.js";
+import { virtualList } from "../ui/virtual-list.js";
 
 /**
- * @typedef {import("./session.js").Session} Session
+ * @typedef {import("../session.js").Session} Session
  * @typedef {import("./intake.js").Container} Container
  * @typedef {import("./intake.js").Entry} Entry
- * @typedef {import("./pkg/index.js").TableOptions} TableOptions
- * @typedef {import("./pkg/index.js").UnmatchedSequence} UnmatchedSequence
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
+ * @typedef {import("../pkg/index.js").UnmatchedSequence} UnmatchedSequence
  */
 
 const LISTED_UNKNOWN = 5;
@@ -115,7 +115,7 @@ function focusAgain(place, before) {
  * @param {Record<string, string>} data
  * @param {string} symbol
  * @param {HTMLElement} remove
- * @param {import("./dom.js").Child[]} body
+ * @param {import("../ui/dom.js").Child[]} body
  */
 function item(role, data, symbol, remove, body) {
   return h("li", { class: "file", data: { role, ...data } }, icon(symbol), h("div", { class: "file-body" }, ...body), remove);
@@ -511,7 +511,7 @@ function showProblems(session) {
 
 /**
  * @param {Session} session
- * @returns {(import("./score.js").Problem & { key: string, dismiss?: () => void })[]}
+ * @returns {(import("../score.js").Problem & { key: string, dismiss?: () => void })[]}
  */
 function problemsOf(session) {
   const { broken } = session;

@@ -1,11 +1,11 @@
 // @ts-check
 /** The extraction under way: progress, cancel, frames that could not be read. */
 
-import { announce, byId, fill, h, icon, notice, prose } from "./dom.js";
-import { save } from "./download.js";
-import { count, duration, fixed, integer } from "./format.js";
+import { announce, byId, fill, h, icon, notice, prose } from "../ui/dom.js";
+import { save } from "../ui/download.js";
+import { count, duration, fixed, integer } from "../ui/format.js";
 
-/** @typedef {import("./session.js").Session} Session */
+/** @typedef {import("../session.js").Session} Session */
 
 const LISTED_FAILURES = 50;
 /** Progress is said to screen readers this often. */

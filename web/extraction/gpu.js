@@ -1,10 +1,10 @@
 // @ts-check
 /** The GPU: whether the browser has one for us, and the worker that computes on it. */
 
-import { blobOf } from "./files.js";
+import { blobOf } from "../files/sources.js";
 
 /**
- * @typedef {import("./files.js").Source} Source
+ * @typedef {import("../files/sources.js").Source} Source
  * @typedef {import("./gpu-worker.js").File} File
  * @typedef {import("./extractor.js").Extracted} Extracted
  * @typedef {import("./gpu-worker.js").Reply} Reply
@@ -35,7 +35,7 @@ export async function findAdapter(allowSoftware) {
   const name = description || [vendor, architecture, device].filter(Boolean).join(" ") || "unnamed";
   const software = isFallbackAdapter || adapter.isFallbackAdapter || SOFTWARE.test([name, architecture].join(" "));
   if (software && !allowSoftware) return { missing: `the only GPU here is a program on the CPU (${name})` };
-  const part = await fetch(new URL("./pkg/gpu.js", import.meta.url)).catch(() => null);
+  const part = await fetch(new URL("../pkg/gpu.js", import.meta.url)).catch(() => null);
   return part?.ok ? { name } : { missing: "this site was built without what a GPU needs (`cargo xtask site --gpu`)" };
 }
 

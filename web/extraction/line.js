@@ -1,12 +1,12 @@
 // @ts-check
 /** The page's end of one extraction worker: questions, answers, and how the page learns that it died. */
 
-import { blobOf, readError } from "./files.js";
+import { blobOf, readError } from "../files/sources.js";
 
 /**
  * @typedef {import("./extractor.js").Source} Source
- * @typedef {import("./extract-worker.js").Reply} Reply
- * @typedef {import("./extract-worker.js").Request} Request
+ * @typedef {import("./worker.js").Reply} Reply
+ * @typedef {import("./worker.js").Request} Request
  * @typedef {Extract<Reply, { type: "extracted" | "failed" }>} Result
  */
 
@@ -14,7 +14,7 @@ import { blobOf, readError } from "./files.js";
 const START_MS = 60_000;
 
 export class Line {
-  /** Of the encoder in the worker, once it is open. @type {import("./pkg/index.js").EncoderInfo | null} */
+  /** Of the encoder in the worker, once it is open. @type {import("../pkg/index.js").EncoderInfo | null} */
   info = null;
   /** Bytes that the worker's instance holds. */
   memory = 0;
@@ -30,7 +30,7 @@ export class Line {
   onLack = () => {};
 
   #name = globalThis.crypto?.randomUUID?.() ?? "";
-  #worker = new Worker(new URL("./extract-worker.js", import.meta.url), { type: "module", name: this.#name });
+  #worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module", name: this.#name });
   #closed = new AbortController();
   #start = setTimeout(() => this.#die("it did not start within a minute"), START_MS);
   /** Requests go out in their order, also where one has to be unpacked first. */
@@ -39,7 +39,7 @@ export class Line {
   /**
    * Starts a worker and opens a checkpoint in it.
    * @param {WebAssembly.Module} module
-   * @param {import("./extract-worker.js").File} source
+   * @param {import("./worker.js").File} source
    * @returns {Promise<Line>}
    */
   static open(module, source) {

@@ -1,12 +1,12 @@
 // @ts-check
 /** ZIP archives, read where they lie: an entry is unpacked when it is asked for, and not kept. */
 
-import { readArchive } from "../pkg/index.js";
-import { blobOf } from "../files.js";
+import { readArchive } from "../../pkg/index.js";
+import { blobOf } from "../sources.js";
 
 /**
- * @typedef {import("../files.js").Source} Source
- * @typedef {import("../pkg/index.js").ArchiveEntry} ArchiveEntry
+ * @typedef {import("../sources.js").Source} Source
+ * @typedef {import("../../pkg/index.js").ArchiveEntry} ArchiveEntry
  */
 
 /** Bytes that hold the directory of most archives. */

@@ -1,7 +1,7 @@
 // @ts-check
 /** The example that comes with the page. */
 
-import { mapBounded } from "./files.js";
+import { mapBounded } from "./sources.js";
 
 /**
  * @typedef {object} Manifest
@@ -12,13 +12,13 @@ import { mapBounded } from "./files.js";
  * @property {string} [note]
  */
 
-const FOLDER = new URL("./example/", import.meta.url);
+const FOLDER = new URL("../example/", import.meta.url);
 const CONNECTIONS = 6;
 
 /**
  * Fetches the example.
  * @param {(done: number, total: number) => void} onProgress
- * @returns {Promise<{ manifest: Manifest, sources: import("./files.js").Source[] }>}
+ * @returns {Promise<{ manifest: Manifest, sources: import("./sources.js").Source[] }>}
  */
 export async function fetchExample(onProgress) {
   /** @type {Manifest} */

@@ -2,9 +2,9 @@
 /** Decoded images of the frames last shown. */
 
 import { NPY_TYPE, imageOfArray } from "./containers/npy.js";
-import { blobOf } from "./files.js";
+import { blobOf } from "./sources.js";
 
-/** @typedef {import("./files.js").Source} Source */
+/** @typedef {import("./sources.js").Source} Source */
 
 /** As many as fit in here stay decoded, at four bytes a pixel. */
 const BUDGET_BYTES = 96 * 1024 * 1024;

@@ -1,12 +1,12 @@
 // @ts-check
 /** Evaluations that were saved: files that the page shows again, as far as they tell. */
 
-import { parseEvaluation } from "./pkg/index.js";
-import { bytesOf } from "./files.js";
+import { parseEvaluation } from "../pkg/index.js";
+import { bytesOf } from "./sources.js";
 
 /**
- * @typedef {import("./pkg/index.js").Evaluation} Evaluation
- * @typedef {import("./pkg/index.js").SequenceError} SequenceError
+ * @typedef {import("../pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("../pkg/index.js").SequenceError} SequenceError
  */
 
 /** What is at no frame on display. */
@@ -19,7 +19,7 @@ export class SavedEvaluation {
     this.evaluation = evaluation;
   }
 
-  /** @param {import("./files.js").Source} source */
+  /** @param {import("./sources.js").Source} source */
   static async parse(source) {
     return new SavedEvaluation(parseEvaluation(await bytesOf(source), source.path));
   }

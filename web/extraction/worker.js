@@ -2,7 +2,7 @@
 /** A worker of `extraction-pool.js`: its own instance of the extraction, one encoder, a frame at a time. */
 
 import { PartError, decodable, memoryOfDecoding } from "./decodable.js";
-import init, { Encoder, extractionMemory } from "./pkg/index.js";
+import init, { Encoder, extractionMemory } from "../pkg/index.js";
 
 /**
  * @typedef {{ path: string, blob: Blob }} File `refuse`: what was to be extracted could not be
@@ -11,7 +11,7 @@ import init, { Encoder, extractionMemory } from "./pkg/index.js";
  * File }
  *   | { type: "refuse", message: string }} Request
  * @typedef {{ type: "started" }
- *   | { type: "opened", info: import("./pkg/index.js").EncoderInfo, memory: number }
+ *   | { type: "opened", info: import("../pkg/index.js").EncoderInfo, memory: number }
  *   | ({ type: "extracted", memory: number } & import("./extractor.js").Extracted)
  *   | { type: "failed", message: string }
  *   | { type: "lacking", message: string }

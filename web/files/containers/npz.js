@@ -1,12 +1,12 @@
 // @ts-check
 /** NPZ recordings: frames stay where they lie, points are read. */
 
-import { Arrays } from "../pkg/index.js";
-import { blobOf } from "../files.js";
+import { Arrays } from "../../pkg/index.js";
+import { blobOf } from "../sources.js";
 import { NPY_TYPE } from "./npy.js";
 import { entriesOf, unpack } from "./zip.js";
 
-/** @typedef {import("../files.js").Source} Source */
+/** @typedef {import("../sources.js").Source} Source */
 
 /**
  * The frames of a recording, and its arrays, whose points are read from them; `error` says why

@@ -5,20 +5,20 @@
  * else to compare.
  */
 
-import init, { Comparison, Scoring } from "./pkg/index.js";
-import { messageOf } from "./errors.js";
-import { bytesOf, mapBounded, readError } from "./files.js";
-import { count, significant } from "./format.js";
+import init, { Comparison, Scoring } from "../pkg/index.js";
+import { messageOf } from "../errors.js";
+import { bytesOf, mapBounded, readError } from "../files/sources.js";
+import { count, significant } from "../ui/format.js";
 
 /**
- * @typedef {import("./session.js").Session} Session
- * @typedef {import("./intake.js").Entry} Entry
- * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./runs.js").RunFolder} RunFolder
- * @typedef {import("./saved.js").SavedEvaluation} SavedEvaluation
- * @typedef {import("./pkg/index.js").Compared} Compared
- * @typedef {import("./pkg/index.js").Evaluation} Evaluation
- * @typedef {import("./pkg/index.js").RunDataSet} RunDataSet
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../files/intake.js").Entry} Entry
+ * @typedef {import("../extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("../files/runs.js").RunFolder} RunFolder
+ * @typedef {import("../files/saved.js").SavedEvaluation} SavedEvaluation
+ * @typedef {import("../pkg/index.js").Compared} Compared
+ * @typedef {import("../pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
  *
  * One that is scored.
  * @typedef {{ name: string, evaluation: Evaluation, architecture?: string }} Detector
@@ -289,14 +289,14 @@ export class RunsComparison extends EventTarget {
     /** @type {{ free(): void }[]} */
     const made = [];
     try {
-      let table = /** @type {import("./pkg/index.js").KeypointTable} */ (content);
+      let table = /** @type {import("../pkg/index.js").KeypointTable} */ (content);
       if (role === "checkpoint") {
-        const found = extraction?.collect(/** @type {import("./pkg/index.js").FrameIndex} */ (frames), frameSources);
+        const found = extraction?.collect(/** @type {import("../pkg/index.js").FrameIndex} */ (frames), frameSources);
         if (!found) throw new Error("no frame has keypoints");
         made.push(found.table, ...(found.selected ? [found.selected] : []));
         table = found.table;
       }
-      const scoring = new Scoring(/** @type {import("./pkg/index.js").GroundTruthTable} */ (truth), table);
+      const scoring = new Scoring(/** @type {import("../pkg/index.js").GroundTruthTable} */ (truth), table);
       made.push(scoring);
       const thresholds = Object.entries(options.thresholds ?? {}).filter(([name]) => scoring.objects.includes(name));
       const evaluation = scoring.evaluate({ ...options, thresholds: Object.fromEntries(thresholds) });

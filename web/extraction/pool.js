@@ -5,16 +5,16 @@
  * read the files they are dealt themselves.
  */
 
-import { Line } from "./extraction-line.js";
-import { Run } from "./extraction-run.js";
-import { compile } from "./pkg/index.js";
+import { Line } from "./line.js";
+import { Run } from "./run.js";
+import { compile } from "../pkg/index.js";
 
 /**
  * @typedef {import("./extractor.js").EncoderInfo} EncoderInfo
  * @typedef {import("./extractor.js").Extractor} Extractor
  * @typedef {import("./extractor.js").Job} Job
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./extract-worker.js").File} File
+ * @typedef {import("./worker.js").File} File
  */
 
 /** Bytes of workers that are kept from run to run; one is kept in any case. */

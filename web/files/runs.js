@@ -2,7 +2,7 @@
 /** Folders of runs among dropped files. */
 
 /**
- * @typedef {import("./files.js").Source} Source
+ * @typedef {import("./sources.js").Source} Source
  *
  * The files of a run that are read, by what they are.
  * @typedef {{ config?: Source, log?: Source, summary?: Source, error?: Source }} RunFolder

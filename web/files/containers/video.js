@@ -4,12 +4,12 @@
  * for. Mediabunny, which tells the container's parts apart, is fetched with the first video.
  */
 
-import { blobOf } from "../files.js";
+import { blobOf } from "../sources.js";
 import { arrayOfPixels } from "./npy.js";
 
-/** @typedef {import("../files.js").Source} Source */
+/** @typedef {import("../sources.js").Source} Source */
 
-const LIBRARY = new URL("../vendor/mediabunny.js", import.meta.url);
+const LIBRARY = new URL("../../vendor/mediabunny.js", import.meta.url);
 const MOST_FRAMES = 200_000;
 /** Frames that are kept as they were decoded, since neighbours are asked for together. */
 const KEPT = 8;

@@ -1,13 +1,13 @@
 // @ts-check
 /** The worker of `gpu.js`: the package's GPU part, which opens the GPU once, and one encoder, a batch of frames at a time. */
 
-import init, { Gpu } from "./pkg/gpu.js";
+import init, { Gpu } from "../pkg/gpu.js";
 
 /**
  * @typedef {{ path: string, blob: Blob }} File
  * @typedef {import("./extractor.js").Extracted} Extracted
- * @typedef {import("./pkg/gpu.js").GpuEncoder} GpuEncoder
- * @typedef {import("./pkg/gpu.js").GpuFrame} GpuFrame
+ * @typedef {import("../pkg/gpu.js").GpuEncoder} GpuEncoder
+ * @typedef {import("../pkg/gpu.js").GpuFrame} GpuFrame
  * @typedef {{ id: number } & ({ type: "open", checkpoint: File } | { type: "extract", frames: (File
  * | null)[] })} Request
  * @typedef {{ id: number } & ({ type: "opened" }
