@@ -67,7 +67,8 @@ function takeFiles(session) {
   // Entering a child fires before leaving its parent, so it takes a count to know that the page was
   // left.
   let depth = 0;
-  const isFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
+  const isFiles = (/** @type {DragEvent} */ event) =>
+    event.dataTransfer?.types.includes("Files") ?? false;
   const over = (/** @type {number} */ next) => {
     depth = Math.max(0, next);
     overlay.hidden = depth === 0;

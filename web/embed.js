@@ -16,7 +16,10 @@ import { version } from "./pkg/index.js";
 /** Of the messages; another number is another protocol. */
 const PROTOCOL = 1;
 
-/** The origin that the page is embedded for; `null` when it is not embedded, empty when it talks with nobody. */
+/**
+ * The origin that the page is embedded for; `null` when it is not embedded, empty when it talks
+ * with nobody.
+ */
 export function embedder() {
   const given = new URLSearchParams(location.search).get("embed");
   if (given === null) return null;
@@ -36,7 +39,12 @@ export function embed(session, origin) {
   const around = window.parent;
   if (origin === "" || around === window) return;
   byId("embedded").append(
-    h("p", {}, `Shown inside ${origin}, which gets the results of the files in here. Nothing is sent anywhere else.`),
+    h(
+      "p",
+      {},
+      `Shown inside ${origin}, which gets the results of the files in here. Nothing is sent ` +
+        "anywhere else.",
+    ),
   );
   byId("embedded").hidden = false;
 
@@ -63,7 +71,9 @@ export function embed(session, origin) {
         return;
       }
       if (data.type !== "open" && data.type !== "add") {
-        throw new Error(`a message of type ${JSON.stringify(data.type)}; expected "open", "add" or "clear"`);
+        throw new Error(
+          `a message of type ${JSON.stringify(data.type)}; expected "open", "add" or "clear"`,
+        );
       }
       const sources = filesOf(data.files);
       if (data.type === "open") session.clear();
@@ -82,7 +92,11 @@ export function embed(session, origin) {
     const { extraction, frameSources } = session;
     if (extraction?.status === "failed") say({ type: "problem", problems: [extraction.error] });
     else if (extraction?.status === "running") {
-      say({ type: "progress", done: extraction.extracted.size + extraction.failures.size, total: frameSources.length });
+      say({
+        type: "progress",
+        done: extraction.extracted.size + extraction.failures.size,
+        total: frameSources.length,
+      });
     }
   });
   say({ type: "ready", version: version() });
@@ -96,9 +110,16 @@ function filesOf(files) {
   if (!Array.isArray(files)) throw new Error("`files` is no array; expected [{ path, data }, …]");
   return files.map((/** @type {GivenFile} */ file, i) => {
     const { path, data } = file ?? {};
-    const isData = data instanceof Blob || data instanceof ArrayBuffer || ArrayBuffer.isView(data) || typeof data === "string";
+    const isData =
+      data instanceof Blob ||
+      data instanceof ArrayBuffer ||
+      ArrayBuffer.isView(data) ||
+      typeof data === "string";
     if (typeof path !== "string" || path === "" || !isData) {
-      throw new Error(`files[${i}]: expected { path: "folder/name", data: Blob, ArrayBuffer, typed array or text }`);
+      throw new Error(
+        `files[${i}]: expected { path: "folder/name", data: Blob, ArrayBuffer, typed array or ` +
+          "text }",
+      );
     }
     return { path, blob: data instanceof Blob ? data : new Blob([data]) };
   });
@@ -109,6 +130,8 @@ function filesOf(files) {
  * @param {import("./pkg/index.js").ScoreOptions} options
  */
 function applyOptions(session, { transform, rank, thresholds }) {
-  if (transform || rank) session.setOptions({ ...(transform && { transform }), ...(rank && { rank }) });
-  for (const [object, threshold] of Object.entries(thresholds ?? {})) session.setThreshold(object, threshold);
+  if (transform || rank)
+    session.setOptions({ ...(transform && { transform }), ...(rank && { rank }) });
+  for (const [object, threshold] of Object.entries(thresholds ?? {}))
+    session.setThreshold(object, threshold);
 }

@@ -77,7 +77,10 @@ export class Score extends EventTarget {
   selection = { object: 0, frame: 0 };
 
   #remembers;
-  /** Keypoints the user looks at in place of the best ones, by object. @type {Map<number, number>} */
+  /**
+   * Keypoints the user looks at in place of the best ones, by object.
+   * @type {Map<number, number>}
+   */
   #chosen = new Map();
   /** @type {Points["pictures"]} */
   #pictures = [];
@@ -213,7 +216,8 @@ export class Score extends EventTarget {
   /** The command of the terminal that repeats the evaluation. */
   command() {
     if (!this.scoring) return this.evaluation?.command ?? "";
-    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
+    const bootstrap =
+      this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
     return this.scoring.command(this.commandInputs(), { ...this.#scoreOptions(), ...bootstrap });
   }
 
@@ -294,9 +298,11 @@ export class Score extends EventTarget {
   worstFrames(object, keypoint, most) {
     const { scoring } = this;
     if (!scoring) {
-      const worst = this.errorsBySequence(object, keypoint).map(({ sequence, worst: position, worstFrame: frame, worstError: distance }) => ({
-        ...{ position, sequence, frame, distance },
-      }));
+      const worst = this.errorsBySequence(object, keypoint).map(
+        ({ sequence, worst: position, worstFrame: frame, worstError: distance }) => ({
+          ...{ position, sequence, frame, distance },
+        }),
+      );
       return worst.sort((a, b) => b.distance - a.distance).slice(0, most);
     }
     const distances = scoring.distances(object, keypoint, this.#mapOptions());
@@ -316,7 +322,10 @@ export class Score extends EventTarget {
     return this.#sizes.length === 1 ? this.#sizes[0] : null;
   }
 
-  /** Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken as ndc. */
+  /**
+   * Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken
+   * as ndc.
+   */
   get placesKeypoints() {
     return this.#encoder !== null && this.#sizes.length > 0;
   }
@@ -340,7 +349,9 @@ export class Score extends EventTarget {
    * @returns {SequenceRange | null}
    */
   sequenceOf(frame) {
-    return this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null;
+    return (
+      this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null
+    );
   }
 
   /**
@@ -394,7 +405,9 @@ export class Score extends EventTarget {
    */
   placed(points, frame) {
     const size = this.imageSize ?? this.#sizes[frame];
-    return this.#encoder && size ? latentToImage(this.#encoder.info.config, points, ...size) : points;
+    return this.#encoder && size
+      ? latentToImage(this.#encoder.info.config, points, ...size)
+      : points;
   }
 
   // What follows
@@ -413,7 +426,9 @@ export class Score extends EventTarget {
   /** Says which settings of an earlier visit are in force: a result must not surprise. */
   #remind() {
     const { transform, rank, thresholds = {} } = this.#scoreOptions();
-    const edited = Object.entries(thresholds).filter(([name, value]) => value !== this.defaultThresholds[name]);
+    const edited = Object.entries(thresholds).filter(
+      ([name, value]) => value !== this.defaultThresholds[name],
+    );
     const kept = [
       ...edited.map(([name, value]) => `threshold ${value} for ${name}`),
       transform !== DEFAULTS.transform && `map ${transform}`,
@@ -444,7 +459,9 @@ export class Score extends EventTarget {
     try {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
       const defaults = this.scoring.evaluate(this.#mapOptions());
-      this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
+      this.defaultThresholds = Object.fromEntries(
+        defaults.objects.map(({ name, threshold }) => [name, threshold]),
+      );
       const [failed, undrawn] = ["evaluation", "intervals"].map((key) => this.problems.delete(key));
       if (failed || undrawn) this.emit("files");
     } catch (error) {
@@ -472,7 +489,7 @@ export class Score extends EventTarget {
     try {
       bootstrap = scoring.bootstrap(this.#scoreOptions());
       let step = 1;
-      for (let left = RESAMPLES; left > 0; ) {
+      for (let left = RESAMPLES; left > 0;) {
         await new Promise((done) => setTimeout(done));
         if (this.evaluation !== evaluation) return;
         const start = performance.now();
@@ -499,7 +516,9 @@ export class Score extends EventTarget {
 
   /** @returns {ScoreOptions} */
   #scoreOptions() {
-    const edited = Object.entries(this.options.thresholds ?? {}).filter(([name]) => this.objects.includes(name));
+    const edited = Object.entries(this.options.thresholds ?? {}).filter(([name]) =>
+      this.objects.includes(name),
+    );
     return {
       ...this.options,
       thresholds: Object.fromEntries(edited),
@@ -517,7 +536,8 @@ export class Score extends EventTarget {
     const { config } = this.#encoder.info;
     if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
-    for (let t = 0; t < this.#sizes.length; t++) placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
+    for (let t = 0; t < this.#sizes.length; t++)
+      placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
     return placed;
   }
 
@@ -543,7 +563,9 @@ export class Score extends EventTarget {
  * @returns {ScoreOptions}
  */
 function optionsFrom({ transform, rank, thresholds }) {
-  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => Number.isFinite(value) && value > 0);
+  const usable = Object.entries(thresholds ?? {}).filter(
+    ([, value]) => Number.isFinite(value) && value > 0,
+  );
   return {
     transform: TRANSFORMS.includes(transform) ? transform : DEFAULTS.transform,
     rank: RANKS.includes(rank) ? rank : DEFAULTS.rank,

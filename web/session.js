@@ -34,10 +34,14 @@ import { Score } from "./score.js";
 const STICKY = ["nothing", "repeated", "replaced", "example"];
 
 const LACKS_SIZE =
-  "its positions are in pixels, and the size of the images is not known. Enter it at the file in the list, or add the images; " +
+  "its positions are in pixels, and the size of the images is not known. Enter it at the file in " +
+  "the list, or add the images; " +
   "or choose ndc there, if that is their unit.";
 
-/** What there is one used of, with what several of them are called; of results any number is shown. @type {[Slot, string | null][]} */
+/**
+ * What there is one used of, with what several of them are called; of results any number is shown.
+ * @type {[Slot, string | null][]}
+ */
 const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
@@ -46,7 +50,10 @@ const SLOTS = [
 ];
 
 export class Session extends Score {
-  /** Files under way from the disk or the server. @type {{ what: string, done: number, total: number } | null} */
+  /**
+   * Files under way from the disk or the server.
+   * @type {{ what: string, done: number, total: number } | null}
+   */
   reading = null;
   /** @type {Entry[]} */
   entries = [];
@@ -56,7 +63,10 @@ export class Session extends Score {
   containers = [];
   /** Folders of runs by path. @type {Map<string, import("./files/runs.js").RunFolder>} */
   runs = new Map();
-  /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
+  /**
+   * Where the data come from, when they are the example.
+   * @type {{ title: string, note?: string } | null}
+   */
   origin = null;
   /** Fetches the data again that `origin` tells of. @type {FetchSources | null} */
   #fetchOrigin = null;
@@ -65,9 +75,15 @@ export class Session extends Score {
   frames = null;
   /** The images in the order of `frames`. @type {Source[]} */
   frameSources = [];
-  /** Width and height of the first image, when it can be decoded. @type {[number, number] | undefined} */
+  /**
+   * Width and height of the first image, when it can be decoded.
+   * @type {[number, number] | undefined}
+   */
   frameSize = undefined;
-  /** What the user says of the size of images that are not here. @type {[number, number] | undefined} */
+  /**
+   * What the user says of the size of images that are not here.
+   * @type {[number, number] | undefined}
+   */
   saidSize = undefined;
   /** @type {JoinReport | null} */
   join = null;
@@ -119,7 +135,10 @@ export class Session extends Score {
       this.report("nothing", "error", "There was no file in what was dropped.");
       return;
     }
-    const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
+    const found = await identify(
+      sources,
+      (done, total) => alive() && this.#read("Reading", done, total),
+    );
     if (!alive()) {
       for (const { arrays } of found.entries) arrays?.free();
       return;
@@ -160,12 +179,15 @@ export class Session extends Score {
     this.#tellRepeated(repeated);
     this.#tellReplaced(replaced);
     if (isUseless) {
-      const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
+      const what =
+        sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
       this.report(
         "nothing",
         "error",
-        `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
-          "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
+        `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a ` +
+          "result. Expected PNG, JPEG or WebP " +
+          "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a " +
+          "checkpoint " +
           "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
       );
     }
@@ -214,7 +236,13 @@ export class Session extends Score {
    */
   setRole(entry, role) {
     return this.#change(async () => {
-      Object.assign(entry, { role, isSaid: true, isGuess: false, reason: "as you said", wanted: true });
+      Object.assign(entry, {
+        role,
+        isSaid: true,
+        isGuess: false,
+        reason: "as you said",
+        wanted: true,
+      });
       this.#reopen(entry);
     });
   }
@@ -226,7 +254,10 @@ export class Session extends Score {
    */
   setTableOptions(entry, options) {
     return this.#change(async () => {
-      Object.assign(entry, { options: { ...entry.options, ...options }, wanted: entry.state === "used" || entry.wanted });
+      Object.assign(entry, {
+        options: { ...entry.options, ...options },
+        wanted: entry.state === "used" || entry.wanted,
+      });
       this.#reopen(entry);
     });
   }
@@ -250,7 +281,8 @@ export class Session extends Score {
   /** Removes files that are not known for anything. */
   removeUnknown() {
     return this.#change(async () => {
-      for (const entry of this.entries.filter(({ role, isSaid }) => role === "unknown" && !isSaid)) this.#drop(entry);
+      for (const entry of this.entries.filter(({ role, isSaid }) => role === "unknown" && !isSaid))
+        this.#drop(entry);
     });
   }
 
@@ -373,17 +405,29 @@ export class Session extends Score {
     const parts = [this.truth, this.frames, this.encoder, this.used("keypoints")];
     // A saved evaluation is a score.
     if (this.used("result") && parts.every((part) => part === null)) return [];
-    const need = (/** @type {string} */ label, /** @type {boolean} */ met, /** @type {Slot[]} */ ...roles) => {
-      const isBroken = (/** @type {Entry} */ { state, role }) => state === "broken" && roles.some((each) => each === role);
+    const need = (
+      /** @type {string} */ label,
+      /** @type {boolean} */ met,
+      /** @type {Slot[]} */ ...roles
+    ) => {
+      const isBroken = (/** @type {Entry} */ { state, role }) =>
+        state === "broken" && roles.some((each) => each === role);
       return { label, met, broken: met ? [] : this.entries.filter(isBroken) };
     };
     const truth = need("ground truth", this.truth !== null, "ground-truth");
     if (this.used("keypoints")) return [need("keypoints", true), truth];
     const images = need("image sequences", this.frames !== null);
-    return [images, truth, need("checkpoint (or keypoints)", this.encoder !== null, "checkpoint", "keypoints")];
+    return [
+      images,
+      truth,
+      need("checkpoint (or keypoints)", this.encoder !== null, "checkpoint", "keypoints"),
+    ];
   }
 
-  /** What cannot be used, and why, as far as the user has not put that away. @returns {(Entry | Container)[]} */
+  /**
+   * What cannot be used, and why, as far as the user has not put that away.
+   * @returns {(Entry | Container)[]}
+   */
   get broken() {
     return [...this.entries, ...this.containers].filter(({ error }) => error !== "");
   }
@@ -424,10 +468,16 @@ export class Session extends Score {
     const keypoints = table?.path;
     return {
       truth: truth?.path ?? "ground_truth.csv",
-      options: [...readingWords(truth, "--"), ...(table ? readingWords(table, "--keypoints-", truth) : [])],
+      options: [
+        ...readingWords(truth, "--"),
+        ...(table ? readingWords(table, "--keypoints-", truth) : []),
+      ],
       ...(keypoints
         ? { keypoints }
-        : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
+        : {
+            checkpoint: this.used("checkpoint")?.path,
+            frames: commonFolder(this.frameSources.map(({ path }) => path)),
+          }),
     };
   }
 
@@ -464,7 +514,13 @@ export class Session extends Score {
     const { role, source, path, wanted } = entry;
     entry.content?.free();
     const size = this.#tableSize;
-    Object.assign(entry, { content: null, extraction: null, error: "", lacksSize: false, imageSize: size });
+    Object.assign(entry, {
+      content: null,
+      extraction: null,
+      error: "",
+      lacksSize: false,
+      imageSize: size,
+    });
     if (role === "unknown") {
       entry.state = "unknown";
       return;
@@ -545,7 +601,13 @@ export class Session extends Score {
     entry.wanted = before.state === "used";
     // What the user said holds for the file at this path.
     entry.options = before.options;
-    if (before.isSaid) Object.assign(entry, { role: before.role, isSaid: true, isGuess: false, reason: before.reason });
+    if (before.isSaid)
+      Object.assign(entry, {
+        role: before.role,
+        isSaid: true,
+        isGuess: false,
+        reason: before.reason,
+      });
     entry.reason += `${entry.reason ? "; " : ""}replaces the file of the same path from before`;
     before.extraction?.stop("idle");
     this.#release();
@@ -560,7 +622,9 @@ export class Session extends Score {
    */
   #emptied(container) {
     const isInside = insideOf(container);
-    const images = this.containers.some(({ path }) => path === container.path) ? [...this.images.values()].filter(isInside) : [];
+    const images = this.containers.some(({ path }) => path === container.path)
+      ? [...this.images.values()].filter(isInside)
+      : [];
     for (const image of images) this.#dropImage(image.path);
     for (const path of this.runs.keys()) if (isInside({ path })) this.runs.delete(path);
     this.containers = this.containers.filter((other) => !isInside(other));
@@ -583,8 +647,10 @@ export class Session extends Score {
   #tellRepeated(paths) {
     if (paths.length === 0) return;
     const text =
-      `${count(paths.length, "file")} had the path of another one in the same drop: ${names(paths.slice(0, 5), paths.length)}. ` +
-      "The first of each is used, the others are not; rename them, or drop their folders one by one.";
+      `${count(paths.length, "file")} had the path of another one in the same drop: ` +
+      `${names(paths.slice(0, 5), paths.length)}. ` +
+      "The first of each is used, the others are not; rename them, or drop their folders one by " +
+      "one.";
     this.report("repeated", "warning", text);
   }
 
@@ -594,13 +660,17 @@ export class Session extends Score {
     const paths = [...images.keys()];
     const text =
       `${count(images.size, "image")} took the place of those with the same path from before: ` +
-      `${names(paths.slice(0, 3), paths.length)}. If these are other sequences, give their folder another name.`;
+      `${names(paths.slice(0, 3), paths.length)}. If these are other sequences, give their ` +
+      "folder another name.";
     const restore = () =>
       this.#change(async () => {
         this.problems.delete("replaced");
         for (const image of images.values()) this.#takeImage(image);
       });
-    this.report("replaced", "warning", text, { label: "Use the former ones again", run: () => void restore() });
+    this.report("replaced", "warning", text, {
+      label: "Use the former ones again",
+      run: () => void restore(),
+    });
   }
 
   /** @param {Entry} entry */
@@ -616,7 +686,8 @@ export class Session extends Score {
   /** @param {() => boolean} alive */
   async #settle(alive) {
     for (const { extraction } of this.entries) extraction?.stop("idle");
-    for (const key of [...this.problems.keys()]) if (!STICKY.includes(key)) this.problems.delete(key);
+    for (const key of [...this.problems.keys()])
+      if (!STICKY.includes(key)) this.problems.delete(key);
     await this.#indexFrames();
     await this.#parseEntries(alive);
     if (!alive()) return;
@@ -676,10 +747,15 @@ export class Session extends Score {
     const spare = candidates.find((entry) => entry !== used);
     if (!spare || many === null) return;
     const all = names(candidates.map(({ path }) => path));
-    const text = `There are ${candidates.length} ${many}: ${all}. ${this.#useOfSeveral(used, candidates)}`;
+    const text =
+      `There are ${candidates.length} ${many}: ${all}. ` +
+      `${this.#useOfSeveral(used, candidates)}`;
     if (this.#dismissed.has(text)) return;
     const isCompared = this.isCompared(spare);
-    const action = { label: `${isCompared ? "Show" : "Use"} ${spare.path} instead`, run: () => void this.use(spare) };
+    const action = {
+      label: `${isCompared ? "Show" : "Use"} ${spare.path} instead`,
+      run: () => void this.use(spare),
+    };
     this.report(`several-${role}`, isCompared ? "info" : "warning", text, action);
   }
 
@@ -691,7 +767,10 @@ export class Session extends Score {
     if (!this.isCompared(used)) return `Only one can be used: ${used.path} is.`;
     const whole = all.length === 2 ? "both" : "all of them";
     const condition = used.role === "checkpoint" ? ", each once its keypoints are extracted" : "";
-    return `The results are those of ${used.path}; ${whole} are compared under “Runs side by side”${condition}.`;
+    return (
+      `The results are those of ${used.path}; ${whole} are compared under “Runs side by ` +
+      `side”${condition}.`
+    );
   }
 
   /**
@@ -722,7 +801,8 @@ export class Session extends Score {
     if (!this.scoring) this.#showSaved();
     this.emit("scoring");
     this.emit("extraction");
-    if (!this.table && this.join && !this.#paused && this.extraction?.status !== "failed") void this.#run();
+    if (!this.table && this.join && !this.#paused && this.extraction?.status !== "failed")
+      void this.#run();
   }
 
   /**
@@ -737,11 +817,22 @@ export class Session extends Score {
       return all;
     }
     const { extraction, encoder } = this;
-    if (!this.frames || !all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
+    if (
+      !this.frames ||
+      !all ||
+      !extraction ||
+      !encoder ||
+      extraction.pending(this.frameSources).length > 0
+    )
+      return null;
     const found = extraction.collect(this.frames, this.frameSources);
     if (!found) {
       const [first] = extraction.failures.values();
-      this.report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
+      this.report(
+        "frames",
+        "error",
+        `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`,
+      );
       return null;
     }
     if (found.selected) this.#derived.push(found.selected);
@@ -768,13 +859,20 @@ export class Session extends Score {
           void this.#change(async () => {});
         },
       };
-      this.report("scoring", "error", messageOf(error), kindOf(error) === "numeric" ? leaveOut : undefined);
+      this.report(
+        "scoring",
+        "error",
+        messageOf(error),
+        kindOf(error) === "numeric" ? leaveOut : undefined,
+      );
       return;
     }
     this.#derived.push(scoring);
     this.join = scoring.join;
     const positions = index ? Array.from(scoring.imagesFrom(index.frames)) : [];
-    const pictures = positions.map((position) => (position < 0 ? null : (index?.sources[position] ?? null)));
+    const pictures = positions.map((position) =>
+      position < 0 ? null : (index?.sources[position] ?? null),
+    );
     this.show({ scoring, pictures, sizes: this.#measure(pictures), encoder: this.encoder });
   }
 
@@ -782,7 +880,8 @@ export class Session extends Score {
   #showSaved() {
     const entry = this.used("result");
     const { extraction } = this;
-    const isComing = this.join !== null && extraction !== null && !this.#paused && extraction.status !== "failed";
+    const isComing =
+      this.join !== null && extraction !== null && !this.#paused && extraction.status !== "failed";
     if (entry && !isComing) this.showSaved(entry);
   }
 
@@ -810,7 +909,12 @@ export class Session extends Score {
 
   async #run() {
     const { extraction } = this;
-    if (!extraction || extraction.status === "running" || extraction.pending(this.frameSources).length === 0) return;
+    if (
+      !extraction ||
+      extraction.status === "running" ||
+      extraction.pending(this.frameSources).length === 0
+    )
+      return;
     const generation = this.#generation;
     const alive = () => generation === this.#generation && this.extraction === extraction;
     const running = extraction.run(this.frameSources, () => this.emit("extraction"));
@@ -852,7 +956,9 @@ export class Session extends Score {
  */
 function isNothing({ images, runs, entries, containers }) {
   const isUseless = entries.every(({ role, error }) => role === "unknown" && error === "");
-  return images.length + runs.size === 0 && isUseless && containers.every(({ error }) => error === "");
+  return (
+    images.length + runs.size === 0 && isUseless && containers.every(({ error }) => error === "")
+  );
 }
 
 /**
@@ -861,7 +967,8 @@ function isNothing({ images, runs, entries, containers }) {
  * @param {Source} b
  */
 function isSame(a, b) {
-  if ("read" in a || "read" in b || !(a.blob instanceof File) || !(b.blob instanceof File)) return false;
+  if ("read" in a || "read" in b || !(a.blob instanceof File) || !(b.blob instanceof File))
+    return false;
   return a.blob.size === b.blob.size && a.blob.lastModified === b.blob.lastModified;
 }
 
@@ -870,7 +977,8 @@ function isSame(a, b) {
  * @param {Container} container
  */
 function insideOf({ path, folder }) {
-  return (/** @type {{ path: string }} */ item) => item.path === path || item.path.startsWith(`${folder}/`);
+  return (/** @type {{ path: string }} */ item) =>
+    item.path === path || item.path.startsWith(`${folder}/`);
 }
 
 /**
@@ -884,7 +992,8 @@ function readingWords(entry, prefix, other) {
   const content = entry?.content ?? null;
   const reading = isTable(content) ? content.reading : null;
   const own = reading?.axisOrder.value;
-  const axes = axisOrder ?? (other?.options.axisOrder === own ? undefined : other?.options.axisOrder && own);
+  const axes =
+    axisOrder ?? (other?.options.axisOrder === own ? undefined : other?.options.axisOrder && own);
   return [
     ...(space ? [`${prefix}space`, space] : []),
     ...(axes ? [`${prefix}axis-order`, axes] : []),
@@ -900,7 +1009,8 @@ function commonFolder(paths) {
   if (paths.length === 0) return ".";
   const folders = paths.map((path) => path.split("/").slice(0, -1));
   let depth = 0;
-  while (folders.every((folder) => depth < folder.length && folder[depth] === folders[0][depth])) depth++;
+  while (folders.every((folder) => depth < folder.length && folder[depth] === folders[0][depth]))
+    depth++;
   const common = folders[0].slice(0, depth);
   // A single sequence is itself in all paths.
   if (common.length > 0 && folders.every((folder) => folder.length === common.length)) common.pop();

@@ -35,9 +35,15 @@ export class RunsComparison extends EventTarget {
   unread = [];
   /** Checkpoints whose keypoints are not extracted, which so cannot be compared. @type {Entry[]} */
   pending = [];
-  /** Detectors that cannot be scored on the frames here, with the reason. @type {{ name: string, reason: string }[]} */
+  /**
+   * Detectors that cannot be scored on the frames here, with the reason.
+   * @type {{ name: string, reason: string }[]}
+   */
   unscored = [];
-  /** The runs of the data set on display; `null` when none of them is complete. @type {Compared | null} */
+  /**
+   * The runs of the data set on display; `null` when none of them is complete.
+   * @type {Compared | null}
+   */
   compared = null;
   /** What the errors of saved evaluations have not in common. @type {string[]} */
   doubts = [];
@@ -82,7 +88,9 @@ export class RunsComparison extends EventTarget {
   }
 
   get #saved() {
-    return this.#session.entries.filter(({ content, role }) => content !== null && role === "result");
+    return this.#session.entries.filter(
+      ({ content, role }) => content !== null && role === "result",
+    );
   }
 
   /** The number of run folders. */
@@ -106,7 +114,9 @@ export class RunsComparison extends EventTarget {
   async extract() {
     for (const { extraction } of this.pending) {
       if (extraction?.status === "running") continue;
-      await extraction?.run(this.#session.frameSources, () => this.dispatchEvent(new Event("progress")));
+      await extraction?.run(this.#session.frameSources, () =>
+        this.dispatchEvent(new Event("progress")),
+      );
     }
     this.#schedule();
   }
@@ -160,9 +170,15 @@ export class RunsComparison extends EventTarget {
 
   async #compare() {
     const detectors = this.#detectors();
-    const parts = [...this.#runs.values(), ...detectors.flatMap(({ name, evaluation }) => [name, evaluation])];
+    const parts = [
+      ...this.#runs.values(),
+      ...detectors.flatMap(({ name, evaluation }) => [name, evaluation]),
+    ];
     if (parts.length === 0) this.#forget();
-    else if (parts.length !== this.#parts.length || parts.some((part, i) => part !== this.#parts[i])) {
+    else if (
+      parts.length !== this.#parts.length ||
+      parts.some((part, i) => part !== this.#parts[i])
+    ) {
       await init(["comparison"]);
       this.#forget();
       this.#comparison = this.#gather(detectors);
@@ -189,7 +205,8 @@ export class RunsComparison extends EventTarget {
   /** @param {Detector[]} detectors */
   #gather(detectors) {
     const comparison = new Comparison();
-    for (const { name, evaluation, architecture } of detectors) comparison.addEvaluation(name, evaluation, architecture);
+    for (const { name, evaluation, architecture } of detectors)
+      comparison.addEvaluation(name, evaluation, architecture);
     const failed = [];
     for (const [name, { files, reason }] of this.#runs) {
       if (reason) failed.push({ name, reason });
@@ -210,11 +227,16 @@ export class RunsComparison extends EventTarget {
     this.unread = [];
   }
 
-  /** The thresholds that count: those in force here, otherwise those of the saved evaluation on display. */
+  /**
+   * The thresholds that count: those in force here, otherwise those of the saved evaluation on
+   * display.
+   */
   #thresholds() {
     const { scoring, options, saved } = this.#session;
     if (scoring || !saved) return options.thresholds ?? {};
-    return Object.fromEntries(saved.evaluation.objects.map(({ name, threshold }) => [name, threshold]));
+    return Object.fromEntries(
+      saved.evaluation.objects.map(({ name, threshold }) => [name, threshold]),
+    );
   }
 
   /**
@@ -222,23 +244,39 @@ export class RunsComparison extends EventTarget {
    * @param {Detector[]} detectors
    */
   #doubt(detectors) {
-    const differing = (/** @type {string} */ what, /** @type {(evaluation: Evaluation) => string} */ of) => {
+    const differing = (
+      /** @type {string} */ what,
+      /** @type {(evaluation: Evaluation) => string} */ of,
+    ) => {
       const values = new Set(detectors.map(({ evaluation }) => of(evaluation)));
       return values.size > 1 ? [`${what}: ${[...values].join(", ")}`] : [];
     };
-    const names = new Set(detectors.flatMap(({ evaluation }) => evaluation.objects.map(({ name }) => name)));
-    const threshold = (/** @type {string} */ name) => (/** @type {Evaluation} */ { objects }) =>
-      significant(objects.find((object) => object.name === name)?.threshold);
+    const names = new Set(
+      detectors.flatMap(({ evaluation }) => evaluation.objects.map(({ name }) => name)),
+    );
+    const threshold =
+      (/** @type {string} */ name) =>
+      (/** @type {Evaluation} */ { objects }) =>
+        significant(objects.find((object) => object.name === name)?.threshold);
     return [
-      ...differing("These evaluations are of different numbers of frames", ({ frames }) => count(frames, "frame")),
+      ...differing("These evaluations are of different numbers of frames", ({ frames }) =>
+        count(frames, "frame"),
+      ),
       ...differing("These evaluations differ in their rank rule", ({ rank }) => rank),
       ...[...names].flatMap((name) =>
-        differing(`These evaluations were saved with different thresholds for ${name}, of which one counts for all here`, threshold(name)),
+        differing(
+          `These evaluations were saved with different thresholds for ${name}, of which one ` +
+            "counts for all here",
+          threshold(name),
+        ),
       ),
     ];
   }
 
-  /** The detectors of the session that have keypoints of the frames, scored as the session scores, and saved evaluations. */
+  /**
+   * The detectors of the session that have keypoints of the frames, scored as the session scores,
+   * and saved evaluations.
+   */
   #detectors() {
     const { truth, frames, frameSources, entries, options } = this.#session;
     this.pending = [];
@@ -246,7 +284,8 @@ export class RunsComparison extends EventTarget {
     this.doubts = [];
     /** @type {Detector[]} */
     const detectors = [];
-    for (const entry of this.#scores.keys()) if (!entries.includes(entry)) this.#scores.delete(entry);
+    for (const entry of this.#scores.keys())
+      if (!entries.includes(entry)) this.#scores.delete(entry);
     const isDetector = (/** @type {Entry} */ { content, role }) =>
       content !== null && (role === "keypoints" || role === "checkpoint");
     const candidates = truth ? entries.filter(isDetector) : [];
@@ -262,19 +301,30 @@ export class RunsComparison extends EventTarget {
           continue;
         }
       }
-      const asked = [content, truth, JSON.stringify(options), ...(extraction ? [frames, extraction.extracted.size] : [])];
+      const asked = [
+        content,
+        truth,
+        JSON.stringify(options),
+        ...(extraction ? [frames, extraction.extracted.size] : []),
+      ];
       let score = this.#scores.get(entry);
       if (!score || asked.some((value, i) => value !== score?.asked[i])) {
         score = { asked, ...this.#score(entry) };
         this.#scores.set(entry, score);
       }
       const architecture =
-        entry.role === "checkpoint" ? /** @type {OpenEncoder} */ (entry.content).info.architecture : undefined;
-      if (score.evaluation) detectors.push({ name: entry.path, evaluation: score.evaluation, architecture });
+        entry.role === "checkpoint"
+          ? /** @type {OpenEncoder} */ (entry.content).info.architecture
+          : undefined;
+      if (score.evaluation)
+        detectors.push({ name: entry.path, evaluation: score.evaluation, architecture });
       else this.unscored.push({ name: entry.path, reason: score.reason });
     }
     for (const { path, content } of saved) {
-      detectors.push({ name: path, evaluation: /** @type {SavedEvaluation} */ (content).evaluation });
+      detectors.push({
+        name: path,
+        evaluation: /** @type {SavedEvaluation} */ (content).evaluation,
+      });
     }
     if (saved.length > 0) this.doubts = this.#doubt(detectors);
     return detectors;
@@ -291,15 +341,26 @@ export class RunsComparison extends EventTarget {
     try {
       let table = /** @type {import("../pkg/index.js").KeypointTable} */ (content);
       if (role === "checkpoint") {
-        const found = extraction?.collect(/** @type {import("../pkg/index.js").FrameIndex} */ (frames), frameSources);
+        const found = extraction?.collect(
+          /** @type {import("../pkg/index.js").FrameIndex} */ (frames),
+          frameSources,
+        );
         if (!found) throw new Error("no frame has keypoints");
         made.push(found.table, ...(found.selected ? [found.selected] : []));
         table = found.table;
       }
-      const scoring = new Scoring(/** @type {import("../pkg/index.js").GroundTruthTable} */ (truth), table);
+      const scoring = new Scoring(
+        /** @type {import("../pkg/index.js").GroundTruthTable} */ (truth),
+        table,
+      );
       made.push(scoring);
-      const thresholds = Object.entries(options.thresholds ?? {}).filter(([name]) => scoring.objects.includes(name));
-      const evaluation = scoring.evaluate({ ...options, thresholds: Object.fromEntries(thresholds) });
+      const thresholds = Object.entries(options.thresholds ?? {}).filter(([name]) =>
+        scoring.objects.includes(name),
+      );
+      const evaluation = scoring.evaluate({
+        ...options,
+        thresholds: Object.fromEntries(thresholds),
+      });
       return { evaluation, reason: "" };
     } catch (error) {
       return { evaluation: null, reason: messageOf(error) };

@@ -47,7 +47,11 @@ export function showComparison(comparison) {
     const report = comparison.compared?.report ?? null;
     const groups = report?.groups ?? [];
     const complete = groups.reduce((sum, group) => sum + group.complete, 0);
-    Object.assign(place.dataset, { runs: String(runs), complete: String(complete), groups: String(groups.length) });
+    Object.assign(place.dataset, {
+      runs: String(runs),
+      complete: String(complete),
+      groups: String(groups.length),
+    });
     // A control that changes the comparison is made anew, too.
     const focused = place.contains(document.activeElement) ? document.activeElement?.id : "";
     const summary = report
@@ -59,7 +63,13 @@ export function showComparison(comparison) {
         "div",
         { class: "panel comparison-head" },
         h("h2", { id: "comparison-title", tabindex: "-1" }, "Runs side by side"),
-        h("p", { class: "comparison-summary" }, reading ? `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}` : `${summary}.`),
+        h(
+          "p",
+          { class: "comparison-summary" },
+          reading
+            ? `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}`
+            : `${summary}.`,
+        ),
         set && settings(comparison),
         ...notices(comparison, set, report),
       ),
@@ -74,7 +84,8 @@ export function showComparison(comparison) {
   comparison.addEventListener("progress", () => {
     const { reading } = comparison;
     const line = place.querySelector(".comparison-summary");
-    if (reading && line) line.textContent = `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}`;
+    if (reading && line)
+      line.textContent = `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}`;
     else if (reading) rebuild();
   });
 }
@@ -83,13 +94,20 @@ export function showComparison(comparison) {
 function settings(comparison) {
   const { dataSets, options } = comparison;
   const set = dataSets[options.dataSet];
-  const select = (/** @type {string} */ id, /** @type {string} */ label, /** @type {[string, string][]} */ choices, /** @type {string} */ value) => {
+  const select = (
+    /** @type {string} */ id,
+    /** @type {string} */ label,
+    /** @type {[string, string][]} */ choices,
+    /** @type {string} */ value,
+  ) => {
     const element = h(
       "select",
       {
         id,
         onchange: () =>
-          comparison.setOptions(id === "compare-set" ? { dataSet: Number(element.value) } : { groupBy: element.value }),
+          comparison.setOptions(
+            id === "compare-set" ? { dataSet: Number(element.value) } : { groupBy: element.value },
+          ),
       },
       ...choices.map(([key, text]) => h("option", { value: key, selected: key === value }, text)),
     );
@@ -116,7 +134,17 @@ function settings(comparison) {
       ),
     select("compare-group", "Groups by", groupings, options.groupBy),
     comparison.size > 0 &&
-      h("button", { type: "button", id: "remove-runs", class: "button", data: { kind: "quiet" }, onclick: () => comparison.clear() }, "Remove the runs"),
+      h(
+        "button",
+        {
+          type: "button",
+          id: "remove-runs",
+          class: "button",
+          data: { kind: "quiet" },
+          onclick: () => comparison.clear(),
+        },
+        "Remove the runs",
+      ),
   );
 }
 
@@ -130,12 +158,24 @@ function notices(comparison, set, report) {
   const more = dataSets.slice(1).map(({ reason }) => reason);
   return [
     dataSets.length > 1 &&
-      notice("info", `The runs are of ${dataSets.length} data sets, whose errors cannot be compared: ${more.join("; ")}. One is shown at a time.`),
+      notice(
+        "info",
+        `The runs are of ${dataSets.length} data sets, whose errors cannot be compared: ` +
+          `${more.join("; ")}. One is shown at a time.`,
+      ),
     error && notice("error", error),
     pending.length > 0 &&
-      notice("info", `${count(pending.length, "checkpoint")} without keypoints of these frames yet: ${pending.map(({ path }) => baseName(path)).join(", ")}.`, {
-        action: { label: pending.length === 1 ? "Extract them" : "Extract them all", run: () => void comparison.extract() },
-      }),
+      notice(
+        "info",
+        `${count(pending.length, "checkpoint")} without keypoints of these frames yet: ` +
+          `${pending.map(({ path }) => baseName(path)).join(", ")}.`,
+        {
+          action: {
+            label: pending.length === 1 ? "Extract them" : "Extract them all",
+            run: () => void comparison.extract(),
+          },
+        },
+      ),
     ...unscored.map(({ name, reason }) => notice("warning", `${name} cannot be scored: ${reason}`)),
     ...(report?.notes ?? []).map((note) => notice("warning", `${note}.`)),
     ...doubts.map((text) => notice("warning", `${text}.`)),
@@ -144,8 +184,10 @@ function notices(comparison, set, report) {
       notice(
         "info",
         comparison.saved > 0
-          ? "Saved evaluations count with the errors they were saved with; what is scored here, with the map set above."
-          : "These detectors are scored on the frames here, with the map and the thresholds set above.",
+          ? "Saved evaluations count with the errors they were saved with; what is scored here, " +
+              "with the map set above."
+          : "These detectors are scored on the frames here, with the map and the thresholds set " +
+              "above.",
       ),
   ].filter(Boolean);
 }
@@ -160,8 +202,18 @@ function compared(compared, report, order) {
   const hasSpread = report.groups.some((group) => group.complete > 1);
   return [
     h("div", { class: "panel" }, ...(hasSpread ? statistics(report) : onlyErrors(report))),
-    h("div", { class: "panel comparison-figures" }, ...compared.figures.map((each) => figureView(each))),
-    h("div", { class: "panel" }, h("h3", {}, "Runs"), runTable(report, order), downloads(compared, report)),
+    h(
+      "div",
+      { class: "panel comparison-figures" },
+      ...compared.figures.map((each) => figureView(each)),
+    ),
+    h(
+      "div",
+      { class: "panel" },
+      h("h3", {}, "Runs"),
+      runTable(report, order),
+      downloads(compared, report),
+    ),
   ];
 }
 
@@ -169,10 +221,19 @@ function compared(compared, report, order) {
 function statistics(report) {
   return [
     h("h3", {}, "Tracking capability"),
-    h("p", { class: "hint-line" }, `The share of runs whose error is at most the threshold. Small figures: ${report.intervals}.`),
+    h(
+      "p",
+      { class: "hint-line" },
+      `The share of runs whose error is at most the threshold. Small figures: ${report.intervals}.`,
+    ),
     capabilityTable(report),
     h("h3", {}, "Tracking errors"),
-    h("p", { class: "hint-line" }, "Mean squared distance in ndc. IQM: interquartile mean, trimmed as in rliable, and between the quartiles."),
+    h(
+      "p",
+      { class: "hint-line" },
+      "Mean squared distance in ndc. IQM: interquartile mean, trimmed as in rliable, and between " +
+        "the quartiles.",
+    ),
     errorTable(report),
   ];
 }
@@ -186,11 +247,21 @@ function onlyErrors(report) {
   const thresholds = objects.map(({ name, threshold }) => `${name} ${threshold}`).join(", ");
   const cell = (/** @type {number | null | undefined} */ error, /** @type {number} */ threshold) =>
     error !== null && error !== undefined && error <= threshold
-      ? h("span", { class: "good" }, `${significant(error)} ✓`, h("span", { class: "visually-hidden" }, " tracked"))
+      ? h(
+          "span",
+          { class: "good" },
+          `${significant(error)} ✓`,
+          h("span", { class: "visually-hidden" }, " tracked"),
+        )
       : significant(error);
   return [
     h("h3", {}, "Tracking errors"),
-    h("p", { class: "hint-line" }, `Mean squared distance in ndc; ✓ tracked: at most the threshold (${thresholds}). Every group has one run at most, so there are no statistics over runs.`),
+    h(
+      "p",
+      { class: "hint-line" },
+      `Mean squared distance in ndc; ✓ tracked: at most the threshold (${thresholds}). Every ` +
+        "group has one run at most, so there are no statistics over runs.",
+    ),
     table("only-errors-table", "Tracking errors by detector and object", [
       ["Group", "TC", ...objects.map(({ name }) => name)],
       ...report.groups.map(({ name, tc, runs }) => [
@@ -212,7 +283,9 @@ function withInterval(value, interval, digits) {
   const [low, high] = interval ?? [];
   return [
     fixed(value, digits),
-    low !== undefined && high !== undefined && h("small", {}, ` ${fixed(low, digits)}–${fixed(high, digits)}`),
+    low !== undefined &&
+      high !== undefined &&
+      h("small", {}, ` ${fixed(low, digits)}–${fixed(high, digits)}`),
   ];
 }
 
@@ -236,7 +309,16 @@ function capabilityTable(report) {
 /** @param {RunsReport} report */
 function errorTable(report) {
   return table("error-table", "Tracking errors by group and object", [
-    ["Group", "Object", "Mean", "Variance", "Median", "Quartiles", "IQM trimmed", "IQM between quartiles"],
+    [
+      "Group",
+      "Object",
+      "Mean",
+      "Variance",
+      "Median",
+      "Quartiles",
+      "IQM trimmed",
+      "IQM between quartiles",
+    ],
     ...report.groups.flatMap((group) =>
       group.objects.map((object, k) => [
         k === 0 ? group.name : "",
@@ -244,7 +326,9 @@ function errorTable(report) {
         significant(object.mean),
         significant(object.variance),
         significant(object.quartiles?.[2]),
-        object.quartiles ? `${significant(object.quartiles[1])}–${significant(object.quartiles[3])}` : NONE,
+        object.quartiles
+          ? `${significant(object.quartiles[1])}–${significant(object.quartiles[3])}`
+          : NONE,
         withInterval(object.iqm_trimmed, object.iqm_interval, 4),
         significant(object.iqm_window),
       ]),
@@ -259,12 +343,20 @@ function errorTable(report) {
  * header
  */
 function table(id, caption, [header, ...rows]) {
-  const cells = (/** @type {(import("../ui/dom.js").Child | import("../ui/dom.js").Child[])[]} */ row) =>
-    row.map((cell, i) => (i === 0 ? h("th", { scope: "row" }, ...[cell].flat()) : h("td", {}, ...[cell].flat())));
+  const cells = (
+    /** @type {(import("../ui/dom.js").Child | import("../ui/dom.js").Child[])[]} */ row,
+  ) =>
+    row.map((cell, i) =>
+      i === 0 ? h("th", { scope: "row" }, ...[cell].flat()) : h("td", {}, ...[cell].flat()),
+    );
   const element = h(
     "table",
     { id, class: "runs-table" },
-    h("thead", {}, h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat())))),
+    h(
+      "thead",
+      {},
+      h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat()))),
+    ),
     h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row)))),
   );
   return scrollRegion(h("div", { class: "table-scroll" }, element), caption);
@@ -276,22 +368,38 @@ function table(id, caption, [header, ...rows]) {
  * @param {{ column: number, down: boolean }} order
  */
 function runTable(report, order) {
-  const rows = report.groups.flatMap((group) => group.runs.map((run) => ({ group: group.name, objects: group.objects, ...run })));
+  const rows = report.groups.flatMap((group) =>
+    group.runs.map((run) => ({ group: group.name, objects: group.objects, ...run })),
+  );
   /** @typedef {(typeof rows)[number]} Row */
   const objects = report.groups[0]?.objects ?? [];
   /** @type {Column<Row>[]} */
   const columns = [
     { label: "Run", text: ({ name }) => name, value: ({ name }) => name, isText: true },
     { label: "Group", text: ({ group }) => group, value: ({ group }) => group, isText: true },
-    { label: "Architecture", text: ({ architecture }) => architecture, value: ({ architecture }) => architecture, isText: true },
-    { label: "Seed", text: ({ seed }) => (seed === null ? NONE : String(seed)), value: ({ seed }) => seed },
-    { label: "Epochs", text: ({ epochs }) => (epochs === 0 ? NONE : integer(epochs)), value: ({ epochs }) => epochs },
+    {
+      label: "Architecture",
+      text: ({ architecture }) => architecture,
+      value: ({ architecture }) => architecture,
+      isText: true,
+    },
+    {
+      label: "Seed",
+      text: ({ seed }) => (seed === null ? NONE : String(seed)),
+      value: ({ seed }) => seed,
+    },
+    {
+      label: "Epochs",
+      text: ({ epochs }) => (epochs === 0 ? NONE : integer(epochs)),
+      value: ({ epochs }) => epochs,
+    },
     { label: "TC", text: ({ tc }) => fixed(tc), value: ({ tc }) => tc },
     ...objects.map(({ name, threshold }, k) => ({
       label: `Error ${name}`,
       text: (/** @type {Row} */ { errors }) => significant(errors[k]),
       value: (/** @type {Row} */ { errors }) => errors[k],
-      isGood: (/** @type {Row} */ { errors }) => errors[k] !== null && Number(errors[k]) <= threshold,
+      isGood: (/** @type {Row} */ { errors }) =>
+        errors[k] !== null && Number(errors[k]) <= threshold,
     })),
   ];
   const body = h("tbody");
@@ -318,12 +426,15 @@ function runTable(report, order) {
       // What has no value is last, whichever way it is sorted.
       if (x === null || y === null) return x === y ? 0 : x === null ? 1 : -1;
       const difference =
-        typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y), "en", { numeric: true });
+        typeof x === "number" && typeof y === "number"
+          ? x - y
+          : String(x).localeCompare(String(y), "en", { numeric: true });
       return order.down ? -difference : difference;
     };
     const sorted = [...rows].sort(compare);
     headers.forEach((header, i) => {
-      if (i === order.column) header.setAttribute("aria-sort", order.down ? "descending" : "ascending");
+      if (i === order.column)
+        header.setAttribute("aria-sort", order.down ? "descending" : "ascending");
       else header.removeAttribute("aria-sort");
     });
     fill(
@@ -333,14 +444,26 @@ function runTable(report, order) {
           "tr",
           { data: { run: row.name } },
           ...columns.map(({ text, isText, isGood }, i) =>
-            h(i === 0 ? "th" : "td", { class: isText ? "text" : isGood?.(row) ? "good" : "", scope: i === 0 ? "row" : null }, text(row)),
+            h(
+              i === 0 ? "th" : "td",
+              {
+                class: isText ? "text" : isGood?.(row) ? "good" : "",
+                scope: i === 0 ? "row" : null,
+              },
+              text(row),
+            ),
           ),
         ),
       ),
     );
   };
   sort();
-  const element = h("table", { id: "run-table", class: "runs-table" }, h("thead", {}, h("tr", {}, ...headers)), body);
+  const element = h(
+    "table",
+    { id: "run-table", class: "runs-table" },
+    h("thead", {}, h("tr", {}, ...headers)),
+    body,
+  );
   return scrollRegion(h("div", { class: "table-scroll tall" }, element), "Runs");
 }
 
@@ -383,11 +506,18 @@ async function toPng(svg) {
     const image = new Image();
     image.src = url;
     await image.decode();
-    const canvas = h("canvas", { width: image.width * PNG_SCALE, height: image.height * PNG_SCALE });
+    const canvas = h("canvas", {
+      width: image.width * PNG_SCALE,
+      height: image.height * PNG_SCALE,
+    });
     const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     context.drawImage(image, 0, 0, canvas.width, canvas.height);
     return await new Promise((resolve, reject) =>
-      canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("the browser makes no PNG of the figure"))), "image/png"),
+      canvas.toBlob(
+        (blob) =>
+          blob ? resolve(blob) : reject(new Error("the browser makes no PNG of the figure")),
+        "image/png",
+      ),
     );
   } finally {
     URL.revokeObjectURL(url);
@@ -409,8 +539,16 @@ function dropped({ unread }, set) {
   return h(
     "div",
     { class: "panel", id: "runs-dropped", data: { count: String(lines.length) } },
-    h("h3", {}, `${count(lines.length, "run")} that ${lines.length === 1 ? "does" : "do"} not count`),
-    h("ul", { class: "dropped" }, ...lines.map(({ name, reason }) => h("li", {}, h("strong", {}, name), `: ${reason}`))),
+    h(
+      "h3",
+      {},
+      `${count(lines.length, "run")} that ${lines.length === 1 ? "does" : "do"} not count`,
+    ),
+    h(
+      "ul",
+      { class: "dropped" },
+      ...lines.map(({ name, reason }) => h("li", {}, h("strong", {}, name), `: ${reason}`)),
+    ),
   );
 }
 
@@ -419,14 +557,23 @@ function dropped({ unread }, set) {
  * @param {RunsReport} report
  */
 function downloads(compared, report) {
-  const item = (/** @type {string} */ id, /** @type {string} */ label, /** @type {() => void} */ onclick) =>
-    h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
+  const item = (
+    /** @type {string} */ id,
+    /** @type {string} */ label,
+    /** @type {() => void} */ onclick,
+  ) => h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
   return h(
     "div",
     { class: "downloads" },
-    item("save-runs-html", "Report (HTML)", () => save("report.html", "text/html", compared.toHtml())),
-    item("save-runs-json", "Report (JSON)", () => save("report.json", "application/json", `${JSON.stringify(report, null, 2)}\n`)),
+    item("save-runs-html", "Report (HTML)", () =>
+      save("report.html", "text/html", compared.toHtml()),
+    ),
+    item("save-runs-json", "Report (JSON)", () =>
+      save("report.json", "application/json", `${JSON.stringify(report, null, 2)}\n`),
+    ),
     item("save-runs-csv", "Runs (CSV)", () => save("runs.csv", "text/csv", compared.runsCsv())),
-    item("save-errors-csv", "Errors (CSV)", () => save("errors.csv", "text/csv", compared.errorsCsv())),
+    item("save-errors-csv", "Errors (CSV)", () =>
+      save("errors.csv", "text/csv", compared.errorsCsv()),
+    ),
   );
 }

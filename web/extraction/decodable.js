@@ -17,7 +17,9 @@ let isLoaded = false;
 export async function decodable(image, path) {
   if (!needsDecoding(image)) return image;
   await init(["images"]).catch((error) => {
-    throw new PartError(`JPEG and WebP images need a part of the page that is not there: ${error.message}`);
+    throw new PartError(
+      `JPEG and WebP images need a part of the page that is not there: ${error.message}`,
+    );
   });
   isLoaded = true;
   return imageToArray(image, path);

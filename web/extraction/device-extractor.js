@@ -31,7 +31,9 @@ import { GpuWorker, findAdapter } from "./gpu.js";
  * @typedef {{ frame: Source, extracted: Extracted }} Sample
  */
 
-/** What coordinates of the two may differ by, in latent units: the CPU's own kernels differ by 1e-4. */
+/**
+ * What coordinates of the two may differ by, in latent units: the CPU's own kernels differ by 1e-4.
+ */
 const AGREEMENT = 1e-3;
 /** Frames that go to the GPU together. */
 const BATCH = 16;
@@ -182,7 +184,8 @@ class DeviceEncoder {
     }
     if (this.#devices.choice === "gpu") {
       this.#devices.decide("cpu", "it finds the first keypoints, for the GPU to be compared with");
-      while (!this.#probe && run.samples.length === 0 && run.left > 0) await this.#onCpu(run, job.signal, 1);
+      while (!this.#probe && run.samples.length === 0 && run.left > 0)
+        await this.#onCpu(run, job.signal, 1);
       if (!this.#probe) await this.#compare(run, job.signal, false);
     } else if (!this.#probe || (this.#probe.agrees && this.#probe.gpu === undefined)) {
       if (await this.#contest(run)) return;
@@ -212,7 +215,8 @@ class DeviceEncoder {
     });
     try {
       await this.#onCpu(run, cpu.signal);
-      if (!this.#probe && !this.#devices.broken) this.#devices.decide("cpu", "it was done before the GPU was ready");
+      if (!this.#probe && !this.#devices.broken)
+        this.#devices.decide("cpu", "it was done before the GPU was ready");
       return true;
     } catch (error) {
       if (error === handOver) return false;
@@ -228,8 +232,10 @@ class DeviceEncoder {
    * @param {AbortSignal} signal
    */
   async #compareIfWorthIt(run, signal) {
-    while (!signal.aborted && (run.samples.length === 0 || run.elapsed < SETTLED_MS)) await pause(100);
-    if (!signal.aborted && run.left * run.msPerFrame >= WORTH_MS) await this.#compare(run, signal, true);
+    while (!signal.aborted && (run.samples.length === 0 || run.elapsed < SETTLED_MS))
+      await pause(100);
+    if (!signal.aborted && run.left * run.msPerFrame >= WORTH_MS)
+      await this.#compare(run, signal, true);
   }
 
   /**
@@ -249,8 +255,13 @@ class DeviceEncoder {
       await worker.open(this.#checkpoint, signal);
       /** @param {Sample[]} samples */
       const extract = async (samples) => {
-        const { found, ms } = await worker.extract(samples.map(({ frame }) => frame), signal);
-        const differences = found.map((one, i) => (one ? differenceOf(one.points, samples[i].extracted.points) : Infinity));
+        const { found, ms } = await worker.extract(
+          samples.map(({ frame }) => frame),
+          signal,
+        );
+        const differences = found.map((one, i) =>
+          one ? differenceOf(one.points, samples[i].extracted.points) : Infinity,
+        );
         return { ms: ms / samples.length, difference: Math.max(...differences) };
       };
       // The first time, shaders are compiled. Those of a batch may be others.
@@ -259,13 +270,19 @@ class DeviceEncoder {
       const cpu = run.msPerFrame;
       // A batch takes no less time than a frame.
       if (!agrees(alone.difference) || (timed && alone.ms / count >= cpu)) {
-        this.#probe = { agrees: agrees(alone.difference), difference: alone.difference, cpu, gpu: alone.ms };
+        this.#probe = {
+          agrees: agrees(alone.difference),
+          difference: alone.difference,
+          cpu,
+          gpu: alone.ms,
+        };
         return;
       }
       const many = await extract(batch);
       const difference = Math.max(alone.difference, many.difference);
       this.#probe = { agrees: agrees(difference), difference };
-      if (timed && this.#probe.agrees) Object.assign(this.#probe, { cpu: run.msPerFrame, gpu: (await extract(batch)).ms });
+      if (timed && this.#probe.agrees)
+        Object.assign(this.#probe, { cpu: run.msPerFrame, gpu: (await extract(batch)).ms });
     } catch (error) {
       if (!signal.aborted) this.#devices.giveUp(`the GPU could not be used: ${messageOf(error)}`);
     }
@@ -280,15 +297,23 @@ class DeviceEncoder {
       return device === "gpu";
     };
     const probe = this.#probe;
-    if (!probe) return decide("cpu", this.#devices.broken || "no frame has keypoints to compare the GPU's with");
+    if (!probe)
+      return decide(
+        "cpu",
+        this.#devices.broken || "no frame has keypoints to compare the GPU's with",
+      );
     if (!probe.agrees) {
-      const by = Number.isFinite(probe.difference) ? `, they differ by ${significant(probe.difference)}` : "";
+      const by = Number.isFinite(probe.difference)
+        ? `, they differ by ${significant(probe.difference)}`
+        : "";
       return decide("cpu", `${gpu} finds other keypoints on the same frame${by}: it is not used`);
     }
     const equal = `the same keypoints to ${significant(probe.difference, 1)}`;
     if (choice === "gpu") return decide("gpu", `${adapter?.name}, as chosen; ${equal}`);
     const { cpu = 0, gpu: ms = Infinity } = probe;
-    const times = `${fixed(ms, 1)} ms a frame on the GPU (${adapter?.name}), ${fixed(cpu, 1)} ms on the CPU`;
+    const times =
+      `${fixed(ms, 1)} ms a frame on the GPU (${adapter?.name}), ${fixed(cpu, 1)} ms ` +
+      "on the CPU";
     return ms < cpu ? decide("gpu", `${times}; ${equal}`) : decide("cpu", times);
   }
 
@@ -351,7 +376,10 @@ class DeviceEncoder {
     const why = `the GPU was lost: ${messageOf(error)}`;
     this.#devices.giveUp(why);
     this.#devices.decide("cpu", why);
-    this.#devices.tellLoss(`In the middle of the extraction ${why}. The CPU went on from the next frame; nothing is missing.`);
+    this.#devices.tellLoss(
+      `In the middle of the extraction ${why}. The CPU went on from the next frame; nothing is ` +
+        "missing.",
+    );
     await this.#onCpu(run, run.job.signal);
   }
 }
@@ -390,7 +418,8 @@ class Progress {
    * @param {Extracted} extracted
    */
   frame(path, extracted) {
-    if (this.samples.length < BATCH) this.samples.push({ frame: this.job.frames[this.done], extracted });
+    if (this.samples.length < BATCH)
+      this.samples.push({ frame: this.job.frames[this.done], extracted });
     this.#count();
     this.job.onFrame(path, extracted);
   }

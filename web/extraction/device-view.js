@@ -32,7 +32,9 @@ export function showDevices(session, devices) {
         devices.choice = /** @type {Choice} */ (select.value);
       },
     },
-    ...CHOICES.map(([value, label]) => h("option", { value, selected: value === devices.choice }, label)),
+    ...CHOICES.map(([value, label]) =>
+      h("option", { value, selected: value === devices.choice }, label),
+    ),
   );
   fill(
     place,

@@ -1,5 +1,8 @@
 // @ts-check
-/** The keypoints of frames under one checkpoint: those that are there, and the run that makes the others. */
+/**
+ * The keypoints of frames under one checkpoint: those that are there, and the run that makes the
+ * others.
+ */
 
 import { KeypointTable } from "../pkg/index.js";
 
@@ -97,7 +100,11 @@ export class Extraction {
     for (const [i, { path }] of kept.entries()) {
       points.set(this.extracted.get(path)?.points ?? [], i * keypoints * 2);
     }
-    return { table: KeypointTable.fromExtraction(selected ?? frames, points, keypoints), selected, sources: kept };
+    return {
+      table: KeypointTable.fromExtraction(selected ?? frames, points, keypoints),
+      selected,
+      sources: kept,
+    };
   }
 
   /**

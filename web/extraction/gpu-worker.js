@@ -1,5 +1,8 @@
 // @ts-check
-/** The worker of `gpu.js`: the package's GPU part, which opens the GPU once, and one encoder, a batch of frames at a time. */
+/**
+ * The worker of `gpu.js`: the package's GPU part, which opens the GPU once, and one encoder, a
+ * batch of frames at a time.
+ */
 
 import init, { Gpu } from "../pkg/gpu.js";
 
@@ -35,7 +38,11 @@ self.onmessage = async (/** @type {MessageEvent<Request>} */ { data }) => {
     const reply = await batch.finally(() => running.delete(batch));
     self.postMessage({ id, type: "extracted", ...reply });
   } catch (error) {
-    self.postMessage({ id, type: "failed", message: error instanceof Error ? error.message : String(error) });
+    self.postMessage({
+      id,
+      type: "failed",
+      message: error instanceof Error ? error.message : String(error),
+    });
   }
 };
 

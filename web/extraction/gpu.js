@@ -33,13 +33,20 @@ export async function findAdapter(allowSoftware) {
   if (!adapter) return { missing: "WebGPU finds no GPU here" };
   const { vendor, architecture, device, description, isFallbackAdapter } = adapter.info ?? {};
   const name = description || [vendor, architecture, device].filter(Boolean).join(" ") || "unnamed";
-  const software = isFallbackAdapter || adapter.isFallbackAdapter || SOFTWARE.test([name, architecture].join(" "));
-  if (software && !allowSoftware) return { missing: `the only GPU here is a program on the CPU (${name})` };
+  const software =
+    isFallbackAdapter || adapter.isFallbackAdapter || SOFTWARE.test([name, architecture].join(" "));
+  if (software && !allowSoftware)
+    return { missing: `the only GPU here is a program on the CPU (${name})` };
   const part = await fetch(new URL("../pkg/gpu.js", import.meta.url)).catch(() => null);
-  return part?.ok ? { name } : { missing: "this site was built without what a GPU needs (`cargo xtask site --gpu`)" };
+  return part?.ok
+    ? { name }
+    : { missing: "this site was built without what a GPU needs (`cargo xtask site --gpu`)" };
 }
 
-/** The worker that has the GPU. It is of no use any more once a call was rejected with anything but a signal's reason. */
+/**
+ * The worker that has the GPU. It is of no use any more once a call was rejected with anything but
+ * a signal's reason.
+ */
 export class GpuWorker {
   #worker = new Worker(new URL("./gpu-worker.js", import.meta.url), { type: "module" });
   #last = 0;
@@ -78,7 +85,10 @@ export class GpuWorker {
    */
   async extract(frames, signal) {
     // What cannot be unpacked has no keypoints here; the CPU says why.
-    const file = async (/** @type {Source} */ frame) => ({ path: frame.path, blob: await blobOf(frame) });
+    const file = async (/** @type {Source} */ frame) => ({
+      path: frame.path,
+      blob: await blobOf(frame),
+    });
     const files = await Promise.all(frames.map((frame) => file(frame).catch(() => null)));
     const reply = await this.#ask({ type: "extract", frames: files }, signal);
     if (reply.type !== "extracted") throw new Error("the worker answered out of turn");

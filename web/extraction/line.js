@@ -1,5 +1,8 @@
 // @ts-check
-/** The page's end of one extraction worker: questions, answers, and how the page learns that it died. */
+/**
+ * The page's end of one extraction worker: questions, answers, and how the page learns that it
+ * died.
+ */
 
 import { blobOf, readError } from "../files/sources.js";
 
@@ -10,11 +13,17 @@ import { blobOf, readError } from "../files/sources.js";
  * @typedef {Extract<Reply, { type: "extracted" | "failed" }>} Result
  */
 
-/** A worker that ends before it has its lock says nothing: one that takes this long to start is taken for dead. */
+/**
+ * A worker that ends before it has its lock says nothing: one that takes this long to start is
+ * taken for dead.
+ */
 const START_MS = 60_000;
 
 export class Line {
-  /** Of the encoder in the worker, once it is open. @type {import("../pkg/index.js").EncoderInfo | null} */
+  /**
+   * Of the encoder in the worker, once it is open.
+   * @type {import("../pkg/index.js").EncoderInfo | null}
+   */
   info = null;
   /** Bytes that the worker's instance holds. */
   memory = 0;
@@ -22,15 +31,27 @@ export class Line {
   measured = false;
   /** Frames dealt and not answered, by their number in the run, oldest first. @type {number[]} */
   dealt = [];
-  /** Takes the answers to the frames dealt, in their order. @type {(frame: number, result: Result) => void} */
+  /**
+   * Takes the answers to the frames dealt, in their order.
+   * @type {(frame: number, result: Result) => void}
+   */
   onResult = () => {};
-  /** Called once, when the worker broke down or ended without being asked to. @type {(message: string) => void} */
+  /**
+   * Called once, when the worker broke down or ended without being asked to.
+   * @type {(message: string) => void}
+   */
   onDeath = () => {};
-  /** Called once, when something that no image is to blame for keeps all workers from going on. @type {(message: string) => void} */
+  /**
+   * Called once, when something that no image is to blame for keeps all workers from going on.
+   * @type {(message: string) => void}
+   */
   onLack = () => {};
 
   #name = globalThis.crypto?.randomUUID?.() ?? "";
-  #worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module", name: this.#name });
+  #worker = new Worker(new URL("./worker.js", import.meta.url), {
+    type: "module",
+    name: this.#name,
+  });
   #closed = new AbortController();
   #start = setTimeout(() => this.#die("it did not start within a minute"), START_MS);
   /** Requests go out in their order, also where one has to be unpacked first. */
@@ -45,7 +66,8 @@ export class Line {
   static open(module, source) {
     return new Promise((resolve, reject) => {
       const line = new Line();
-      line.onDeath = (message) => reject(new Error(`${source.path} could not be opened: ${message}`));
+      line.onDeath = (message) =>
+        reject(new Error(`${source.path} could not be opened: ${message}`));
       line.#worker.onerror = (event) => {
         event.preventDefault();
         line.#die(event.message || "its script could not be loaded");

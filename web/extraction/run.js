@@ -15,7 +15,10 @@
 const DEALT = 2;
 /** Frames a worker that may be under way, or done and waiting for an earlier one. */
 const WINDOW = 8;
-/** Workers that a frame may go down with, the last time as the only one there, before it is given up. */
+/**
+ * Workers that a frame may go down with, the last time as the only one there, before it is given
+ * up.
+ */
 const ATTEMPTS = 2;
 /** Workers that may go down with no frame done in between before the run is given up. */
 const HOPELESS = 16;
@@ -39,7 +42,11 @@ export class Run {
   #refusal = "";
   /** Frames from here on were never dealt. */
   #next = 0;
-  /** Frames to deal once more, ascending. Each goes to a worker that has no other one, so as to tell who is to blame. @type {number[]} */
+  /**
+   * Frames to deal once more, ascending. Each goes to a worker that has no other one, so as to tell
+   * who is to blame.
+   * @type {number[]}
+   */
   #again = [];
   /** Workers that a frame dealt once more went down with. @type {Map<number, number>} */
   #deathsOf = new Map();
@@ -110,7 +117,8 @@ export class Run {
     this.#grow();
     if (this.#lines.size + this.#starting === 0) {
       this.#fail(
-        `no worker of the extraction is left, and none could be started: ${this.#refusal}. What is done is kept; if trying ` +
+        `no worker of the extraction is left, and none could be started: ${this.#refusal}. What ` +
+          "is done is kept; if trying " +
           "again does not help, reload the page.",
       );
     }
@@ -128,7 +136,10 @@ export class Run {
     }
   }
 
-  /** The next frame to deal for the first time, or `null`: those that wait for an earlier one are bounded. */
+  /**
+   * The next frame to deal for the first time, or `null`: those that wait for an earlier one are
+   * bounded.
+   */
   #take() {
     const end = Math.min(this.#job.frames.length, this.#reported + WINDOW * this.#lines.size);
     return this.#next < end ? this.#next++ : null;
@@ -136,7 +147,8 @@ export class Run {
 
   /** Starts workers as long as frames wait, and cores and memory reach. */
   #grow() {
-    const waiting = () => this.#job.frames.length - this.#next + this.#again.length - this.#starting;
+    const waiting = () =>
+      this.#job.frames.length - this.#next + this.#again.length - this.#starting;
     while (this.#lines.size + this.#starting < this.#limit && waiting() > 0 && this.#fits()) {
       this.#starting++;
       this.#start().then(
@@ -160,7 +172,9 @@ export class Run {
     }
   }
 
-  /** Whether there is memory for one more worker: what one needs is known when one has done a frame. */
+  /**
+   * Whether there is memory for one more worker: what one needs is known when one has done a frame.
+   */
   #fits() {
     const lines = [...this.#lines];
     if (lines.length + this.#starting === 0) return true;
@@ -211,7 +225,8 @@ export class Run {
     }
     if (++this.#deaths >= HOPELESS) {
       this.#fail(
-        `${this.#deaths} workers in a row broke down, the last one with ${this.#job.frames[first].path}: ${message}. What is ` +
+        `${this.#deaths} workers in a row broke down, the last one with ` +
+          `${this.#job.frames[first].path}: ${message}. What is ` +
           "done is kept; close other tabs if memory is short, and try again.",
       );
       return;

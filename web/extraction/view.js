@@ -34,7 +34,12 @@ export function showExtraction(session) {
     const failed = extraction.failures.size;
     const done = extraction.extracted.size + failed;
     const status = extraction.status === "idle" && done < total ? "ready" : extraction.status;
-    Object.assign(place.dataset, { status, done: String(done), total: String(total), failed: String(failed) });
+    Object.assign(place.dataset, {
+      status,
+      done: String(done),
+      total: String(total),
+      failed: String(failed),
+    });
     if (status === "running") {
       progress.max = total;
       progress.value = done;
@@ -47,15 +52,18 @@ export function showExtraction(session) {
       shown = status;
       return;
     }
-    const state = `${status} ${done} ${total} ${session.scoring !== null} ${session.table !== null}`;
+    const state =
+      `${status} ${done} ${total} ${session.scoring !== null} ` + `${session.table !== null}`;
     if (state === shown) return;
     const finished = shown === "running";
     const hadFocus = place.contains(document.activeElement);
     shown = state;
     fill(place, title, ...settled(session, status, done, total), ...failures(extraction.failures));
     if (hadFocus) title.focus();
-    if (finished && status === "cancelled") announce(`Cancelled after ${integer(done)} of ${count(total, "frame")}.`);
-    else if (finished && status === "idle") announce(`Keypoints extracted from ${count(done - failed, "frame")}.`);
+    if (finished && status === "cancelled")
+      announce(`Cancelled after ${integer(done)} of ${count(total, "frame")}.`);
+    else if (finished && status === "idle")
+      announce(`Keypoints extracted from ${count(done - failed, "frame")}.`);
   };
   session.addEventListener("extraction", update);
   session.addEventListener("files", update);
@@ -79,12 +87,19 @@ function describe(done, total, rate) {
  * @param {number} total
  */
 function settled(session, status, done, total) {
-  const start = (/** @type {string} */ label) => button("extract", label, () => void session.extract());
+  const start = (/** @type {string} */ label) =>
+    button("extract", label, () => void session.extract());
   switch (status) {
     case "ready":
-      return [h("p", {}, `${count(total - done, "frame")} to extract.`), start("Extract keypoints")];
+      return [
+        h("p", {}, `${count(total - done, "frame")} to extract.`),
+        start("Extract keypoints"),
+      ];
     case "cancelled":
-      return [h("p", {}, `Cancelled after ${integer(done)} of ${count(total, "frame")}; these are kept.`), start("Continue")];
+      return [
+        h("p", {}, `Cancelled after ${integer(done)} of ${count(total, "frame")}; these are kept.`),
+        start("Continue"),
+      ];
     case "failed":
       return [notice("error", session.extraction?.error ?? ""), start("Try again")];
     default:
@@ -113,12 +128,21 @@ function failures(failed) {
     h(
       "details",
       { class: "failures", open: failed.size <= 3 },
-      h("summary", {}, icon("icon-warning"), `${count(failed.size, "frame")} left out: no keypoints`),
+      h(
+        "summary",
+        {},
+        icon("icon-warning"),
+        `${count(failed.size, "frame")} left out: no keypoints`,
+      ),
       h(
         "ul",
         {},
         ...listed.map(([path, message]) =>
-          h("li", { data: { path } }, ...prose(message.startsWith(path) ? message : `${path}: ${message}`)),
+          h(
+            "li",
+            { data: { path } },
+            ...prose(message.startsWith(path) ? message : `${path}: ${message}`),
+          ),
         ),
         more > 0 && h("li", {}, `and ${integer(more)} more`),
       ),

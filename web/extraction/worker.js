@@ -1,5 +1,8 @@
 // @ts-check
-/** A worker of `extraction-pool.js`: its own instance of the extraction, one encoder, a frame at a time. */
+/**
+ * A worker of `extraction-pool.js`: its own instance of the extraction, one encoder, a frame at a
+ * time.
+ */
 
 import { PartError, decodable, memoryOfDecoding } from "./decodable.js";
 import init, { Encoder, extractionMemory } from "../pkg/index.js";
@@ -35,7 +38,10 @@ self.onmessage = (/** @type {MessageEvent<Request>} */ { data }) => {
   });
 };
 
-/** Holds a lock for as long as the worker lives: nothing else tells the page of a worker that ended without a word. */
+/**
+ * Holds a lock for as long as the worker lives: nothing else tells the page of a worker that ended
+ * without a word.
+ */
 async function started() {
   if (navigator.locks) {
     await new Promise((held) => {
@@ -66,7 +72,13 @@ async function answer(request, bytes) {
     const extraction = encoder.extract(await decodable(await bytes, path), path);
     const { points, width, height } = extraction;
     extraction.free();
-    return { type: "extracted", points, width, height, memory: extractionMemory() + memoryOfDecoding() };
+    return {
+      type: "extracted",
+      points,
+      width,
+      height,
+      memory: extractionMemory() + memoryOfDecoding(),
+    };
   } catch (error) {
     const message = error instanceof Error ? error.message : String(error);
     if (error instanceof PartError) return { type: "lacking", message };
@@ -81,7 +93,11 @@ async function bytesOf({ path, blob }) {
   try {
     return new Uint8Array(await blob.arrayBuffer());
   } catch {
-    if (blob.size >= READABLE) throw new Error(`${path} is larger than the 2 GiB that browsers read at once`);
-    throw new Error(`${path} can no longer be read: it was changed or removed after it was dropped; drop it again`);
+    if (blob.size >= READABLE)
+      throw new Error(`${path} is larger than the 2 GiB that browsers read at once`);
+    throw new Error(
+      `${path} can no longer be read: it was changed or removed after it was dropped; drop it ` +
+        "again",
+    );
   }
 }

@@ -1,5 +1,7 @@
 // @ts-check
-/** What dropped files are: containers are opened, everything else is read as what it is taken for. */
+/**
+ * What dropped files are: containers are opened, everything else is read as what it is taken for.
+ */
 
 import { GroundTruthTable, KeypointTable, classify } from "../pkg/index.js";
 import { openRecording } from "./containers/npz.js";
@@ -131,12 +133,22 @@ async function open(source, depth) {
  */
 async function inArchive(archive, depth) {
   /** @type {Container} */
-  const container = { path: archive.path, folder: archive.path, kind: "archive", contents: "", error: "", problems: [] };
+  const container = {
+    path: archive.path,
+    folder: archive.path,
+    kind: "archive",
+    contents: "",
+    error: "",
+    problems: [],
+  };
   /** @type {Found} */
   let found = { ...NOTHING_FOUND };
   try {
     if (depth > MAX_DEPTH) {
-      throw new Error(`${archive.path} lies in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack the outer one`);
+      throw new Error(
+        `${archive.path} lies in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack ` +
+          "the outer one",
+      );
     }
     const { sources, problems } = await openArchive(archive);
     container.contents = count(sources.length, "file");
@@ -155,7 +167,14 @@ async function inArchive(archive, depth) {
  */
 async function inRecording(recording, reason) {
   /** @type {Container} */
-  const container = { path: recording.path, folder: recording.path, kind: "recording", contents: "", error: "", problems: [] };
+  const container = {
+    path: recording.path,
+    folder: recording.path,
+    kind: "recording",
+    contents: "",
+    error: "",
+    problems: [],
+  };
   try {
     const { frames, arrays, error } = await openRecording(recording);
     container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
@@ -179,12 +198,22 @@ async function inRecording(recording, reason) {
  */
 async function inVideo(video) {
   /** @type {Container} */
-  const container = { path: video.path, folder: folderOf(video.path), kind: "video", contents: "", error: "", problems: [] };
+  const container = {
+    path: video.path,
+    folder: folderOf(video.path),
+    kind: "video",
+    contents: "",
+    error: "",
+    problems: [],
+  };
   try {
     const { frames, contents } = await openVideo(video);
     return { ...NOTHING_FOUND, images: frames, containers: [{ ...container, contents }] };
   } catch (error) {
-    return { ...NOTHING_FOUND, containers: [{ ...container, error: readError(error, video.path) }] };
+    return {
+      ...NOTHING_FOUND,
+      containers: [{ ...container, error: readError(error, video.path) }],
+    };
   }
 }
 
@@ -233,7 +262,8 @@ function entryOf(source, role, reason, isGuess) {
  */
 export function needsParsing({ role, state, content, imageSize: before }, imageSize) {
   if (state === "new") return true;
-  if ((role !== "ground-truth" && role !== "keypoints") || String(before) === String(imageSize)) return false;
+  if ((role !== "ground-truth" && role !== "keypoints") || String(before) === String(imageSize))
+    return false;
   return content === null || (isTable(content) && content.reading.space.value === "px");
 }
 
@@ -254,7 +284,9 @@ export async function parseTable({ role, arrays, source, path, options }, imageS
   const given = { ...options, imageSize };
   if (arrays) return role === "keypoints" ? arrays.keypoints(given) : arrays.groundTruth(given);
   const bytes = await bytesOf(source);
-  return role === "keypoints" ? KeypointTable.parse(bytes, path, given) : GroundTruthTable.parse(bytes, path, given);
+  return role === "keypoints"
+    ? KeypointTable.parse(bytes, path, given)
+    : GroundTruthTable.parse(bytes, path, given);
 }
 
 /**

@@ -9,11 +9,17 @@
  */
 
 /** @type {Record<string, keyof RunFolder>} */
-const FILES = { "config.json": "config", "log.jsonl": "log", "summary.json": "summary", "error.txt": "error" };
+const FILES = {
+  "config.json": "config",
+  "log.jsonl": "log",
+  "summary.json": "summary",
+  "error.txt": "error",
+};
 /** A folder with one of these is a run's. */
 const MARKS = ["log.jsonl", "summary.json"];
 /** What else a run writes; none of it is looked at. */
-const OTHERS = /^(state\.safetensors|checkpoint_(best|final)\.safetensors|lock|events\.out\.tfevents\..*)$/;
+const OTHERS =
+  /^(state\.safetensors|checkpoint_(best|final)\.safetensors|lock|events\.out\.tfevents\..*)$/;
 
 /**
  * Takes the folders of runs out of `sources`. A folder is one when it holds a log or a summary of

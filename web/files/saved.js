@@ -48,10 +48,14 @@ export class SavedEvaluation {
    */
   errorsBySequence(object, keypoint) {
     const { objects, sequences } = this.evaluation;
-    const found = sequences?.find((each) => each.object === objects[object]?.name && each.keypoint === keypoint);
-    return (found?.errors ?? []).map(({ sequence, frames, error, worst_frame: worstFrame, worst_error: worstError }) => ({
-      ...{ sequence, frames, error, worstFrame, worstError },
-      ...{ start: NOWHERE, length: 0, worst: NOWHERE },
-    }));
+    const found = sequences?.find(
+      (each) => each.object === objects[object]?.name && each.keypoint === keypoint,
+    );
+    return (found?.errors ?? []).map(
+      ({ sequence, frames, error, worst_frame: worstFrame, worst_error: worstError }) => ({
+        ...{ sequence, frames, error, worstFrame, worstError },
+        ...{ start: NOWHERE, length: 0, worst: NOWHERE },
+      }),
+    );
   }
 }

@@ -75,7 +75,8 @@ const scrolled = new Map();
 
 /** @param {Session} session */
 function showList(session) {
-  const isUnused = (/** @type {Entry} */ { role, state, isSaid }) => role === "unknown" && state === "unknown" && !isSaid;
+  const isUnused = (/** @type {Entry} */ { role, state, isSaid }) =>
+    role === "unknown" && state === "unknown" && !isSaid;
   const known = session.entries.filter((entry) => !isUnused(entry));
   const unknown = session.entries.filter(isUnused);
   const items = known.map((entry) => entryItem(session, entry));
@@ -85,10 +86,23 @@ function showList(session) {
   if (unknown.length > LISTED_UNKNOWN) {
     const more = unknown.slice(LISTED_UNKNOWN);
     items.push(
-      item("unknown", {}, "icon-file", removeButton("all files that are not used", () => void session.removeUnknown()), [
-        h("p", { class: "file-role" }, `${integer(more.length)} more not used`),
-        h("p", { class: "file-reason" }, names(more.slice(0, 8).map(({ path }) => path), more.length)),
-      ]),
+      item(
+        "unknown",
+        {},
+        "icon-file",
+        removeButton("all files that are not used", () => void session.removeUnknown()),
+        [
+          h("p", { class: "file-role" }, `${integer(more.length)} more not used`),
+          h(
+            "p",
+            { class: "file-reason" },
+            names(
+              more.slice(0, 8).map(({ path }) => path),
+              more.length,
+            ),
+          ),
+        ],
+      ),
     );
   }
   const place = byId("files");
@@ -118,7 +132,13 @@ function focusAgain(place, before) {
  * @param {import("../ui/dom.js").Child[]} body
  */
 function item(role, data, symbol, remove, body) {
-  return h("li", { class: "file", data: { role, ...data } }, icon(symbol), h("div", { class: "file-body" }, ...body), remove);
+  return h(
+    "li",
+    { class: "file", data: { role, ...data } },
+    icon(symbol),
+    h("div", { class: "file-body" }, ...body),
+    remove,
+  );
 }
 
 /** @param {Session} session */
@@ -130,22 +150,38 @@ function framesItem(session) {
   const { frameSize } = session;
   const size = frameSize ? `, ${frameSize[0]} × ${frameSize[1]} px` : "";
   const data = { state: "used", frames: String(session.frameSources.length) };
-  return item("image", data, "icon-frames", removeButton("the images", () => void session.removeImages()), [
-    h("p", { class: "file-role" }, "Image sequences"),
-    h("p", { class: "file-name" }, range),
-    h(
-      "p",
-      { class: "file-reason" },
-      `${count(session.frameSources.length, "frame")} in ${count(sequences.length, "sequence")}${size}`,
-    ),
-    disclosure("sequences", "The sequences", () =>
-      virtualList("Sequences", sequences.length, ROW, (i) => {
-        const { name, length } = sequences[i];
-        const remove = removeButton(`the images of ${name}`, () => void session.removeSequence(sequences[i]));
-        return h("div", { class: "row" }, h("span", { class: "row-name", title: name }, name), h("span", {}, count(length, "frame")), remove);
-      }),
-    ),
-  ]);
+  return item(
+    "image",
+    data,
+    "icon-frames",
+    removeButton("the images", () => void session.removeImages()),
+    [
+      h("p", { class: "file-role" }, "Image sequences"),
+      h("p", { class: "file-name" }, range),
+      h(
+        "p",
+        { class: "file-reason" },
+        `${count(session.frameSources.length, "frame")} in ` +
+          `${count(sequences.length, "sequence")}${size}`,
+      ),
+      disclosure("sequences", "The sequences", () =>
+        virtualList("Sequences", sequences.length, ROW, (i) => {
+          const { name, length } = sequences[i];
+          const remove = removeButton(
+            `the images of ${name}`,
+            () => void session.removeSequence(sequences[i]),
+          );
+          return h(
+            "div",
+            { class: "row" },
+            h("span", { class: "row-name", title: name }, name),
+            h("span", {}, count(length, "frame")),
+            remove,
+          );
+        }),
+      ),
+    ],
+  );
 }
 
 /**
@@ -156,8 +192,14 @@ function containerItem(session, container) {
   const { path, kind, contents, error, problems } = container;
   const title = CONTAINERS[kind];
   const data = { state: error ? "broken" : "used", path };
-  const remove = removeButton(`${baseName(path)} and what is in it`, () => void session.removeContainer(container));
-  const more = problems.length > LISTED_PROBLEMS ? [`${integer(problems.length - LISTED_PROBLEMS)} more cannot be used`] : [];
+  const remove = removeButton(
+    `${baseName(path)} and what is in it`,
+    () => void session.removeContainer(container),
+  );
+  const more =
+    problems.length > LISTED_PROBLEMS
+      ? [`${integer(problems.length - LISTED_PROBLEMS)} more cannot be used`]
+      : [];
   return item(kind, data, "icon-archive", remove, [
     h("p", { class: "file-role" }, error ? `${title}, cannot be used` : title),
     h("p", { class: "file-name", title: path }, baseName(path)),
@@ -201,14 +243,20 @@ function noticeList(texts) {
 function entryItem(session, entry) {
   const role = ROLES[entry.role];
   const isResult = entry.role === "result";
-  const isIdle = entry.state === "spare" || (isResult && entry.state === "used" && session.savedIn !== entry);
+  const isIdle =
+    entry.state === "spare" || (isResult && entry.state === "used" && session.savedIn !== entry);
   const idle = isResult ? "not shown" : session.isCompared(entry) ? "compared" : "not used";
   const title = isIdle ? `${role.title}, ${idle}` : role.title;
   const contents = describe(entry);
   const data = { state: entry.state, path: entry.path };
   const remove = removeButton(baseName(entry.path), () => void session.remove(entry));
   return item(entry.role, data, role.icon, remove, [
-    h("p", { class: "file-role" }, entry.state === "broken" ? `${role.title}, cannot be used` : title, entry.isGuess && guessMark()),
+    h(
+      "p",
+      { class: "file-role" },
+      entry.state === "broken" ? `${role.title}, cannot be used` : title,
+      entry.isGuess && guessMark(),
+    ),
     h("p", { class: "file-name", title: entry.path }, baseName(entry.path)),
     entry.reason && h("p", { class: "file-reason" }, ...prose(entry.reason)),
     contents && h("p", { class: "file-reason" }, contents),
@@ -218,7 +266,11 @@ function entryItem(session, entry) {
     isResult &&
       isIdle &&
       session.scoring !== null &&
-      h("p", { class: "file-reason" }, "The score of the files here is shown; the two are compared below."),
+      h(
+        "p",
+        { class: "file-reason" },
+        "The score of the files here is shown; the two are compared below.",
+      ),
     entry.state === "spare" &&
       !(isResult && session.scoring) &&
       h(
@@ -227,7 +279,10 @@ function entryItem(session, entry) {
         isResult || session.isCompared(entry) ? "Show this one" : "Use this one",
       ),
     entry.error !== "" &&
-      notice("error", entry.error, { isQuiet: true, dismiss: () => session.dismissError(entry.path) }),
+      notice("error", entry.error, {
+        isQuiet: true,
+        dismiss: () => session.dismissError(entry.path),
+      }),
   ]);
 }
 
@@ -239,7 +294,10 @@ function entryItem(session, entry) {
  */
 function takesSize({ frameSize, saidSize }, { content, lacksSize }) {
   if (frameSize) return false;
-  return lacksSize || (saidSize !== undefined && isTable(content) && content.reading.space.value === "px");
+  return (
+    lacksSize ||
+    (saidSize !== undefined && isTable(content) && content.reading.space.value === "px")
+  );
 }
 
 /**
@@ -260,7 +318,10 @@ function sizeField(session, { path }) {
       value: value === undefined ? "" : String(value),
       onchange: () => take(),
     });
-  const [width, height] = [side("width", session.saidSize?.[0]), side("height", session.saidSize?.[1])];
+  const [width, height] = [
+    side("width", session.saidSize?.[0]),
+    side("height", session.saidSize?.[1]),
+  ];
   const take = () => {
     const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
     const isSide = (/** @type {number} */ pixels) => Number.isInteger(pixels) && pixels > 0;
@@ -283,7 +344,11 @@ function sizeField(session, { path }) {
 }
 
 function guessMark() {
-  return h("span", { class: "guess", title: "Nothing in the file says so; correct it if it is wrong" }, "a guess");
+  return h(
+    "span",
+    { class: "guess", title: "Nothing in the file says so; correct it if it is wrong" },
+    "a guess",
+  );
 }
 
 /** @type {Record<string, string>} */
@@ -306,7 +371,9 @@ function corrections(session, entry) {
         `frames from ${reading.indexBase.value}`,
       ].join(" · ")
     : "Taken for something else?";
-  const isGuess = reading !== null && [reading.space, reading.axisOrder, reading.indexBase].some(({ by }) => by === "guess");
+  const isGuess =
+    reading !== null &&
+    [reading.space, reading.axisOrder, reading.indexBase].some(({ by }) => by === "guess");
   const details = h(
     "details",
     { class: "disclosure", data: { key } },
@@ -373,7 +440,8 @@ function corrections(session, entry) {
  */
 function rolesOf({ role, arrays, content, path }) {
   const points = /** @type {Entry["role"][]} */ (["ground-truth", "keypoints"]);
-  if (arrays || isTable(content) || /\.(csv|tsv|txt|json)$/i.test(path)) return [...points, "unknown"];
+  if (arrays || isTable(content) || /\.(csv|tsv|txt|json)$/i.test(path))
+    return [...points, "unknown"];
   return role === "checkpoint" ? ["checkpoint", "unknown"] : [...points, "checkpoint", "unknown"];
 }
 
@@ -393,8 +461,14 @@ function choice(label, name, options, value, by, change) {
     h("span", {}, label),
     h(
       "select",
-      { name, onchange: (/** @type {Event} */ { target }) => change(/** @type {HTMLSelectElement} */ (target).value) },
-      ...options.map(([option, text]) => h("option", { value: option, selected: option === value }, text)),
+      {
+        name,
+        onchange: (/** @type {Event} */ { target }) =>
+          change(/** @type {HTMLSelectElement} */ (target).value),
+      },
+      ...options.map(([option, text]) =>
+        h("option", { value: option, selected: option === value }, text),
+      ),
     ),
     h("small", {}, GROUNDS[by]),
   );
@@ -403,7 +477,10 @@ function choice(label, name, options, value, by, change) {
 /** @param {Entry} entry */
 function describe({ content }) {
   if (content instanceof GroundTruthTable) {
-    return `${names(content.objects)} in ${count(content.frames, "frame")} of ${count(content.sequences, "sequence")}`;
+    return (
+      `${names(content.objects)} in ${count(content.frames, "frame")} of ` +
+      `${count(content.sequences, "sequence")}`
+    );
   }
   if (content instanceof KeypointTable) {
     return `${count(content.keypoints, "keypoint")} in ${count(content.frames, "frame")}`;
@@ -411,7 +488,8 @@ function describe({ content }) {
   if (content instanceof SavedEvaluation) {
     const { tc, objects, errors, frames, version } = content.evaluation;
     return (
-      `TC ${fixed(tc)} of ${names(objects.map(({ name }) => name))}; ${count(errors[0]?.length ?? 0, "keypoint")} in ` +
+      `TC ${fixed(tc)} of ${names(objects.map(({ name }) => name))}; ` +
+      `${count(errors[0]?.length ?? 0, "keypoint")} in ` +
       `${count(frames, "frame")}; by tracklens ${version}`
     );
   }
@@ -467,7 +545,12 @@ function showMissing(session) {
             {},
             label,
             h("span", { class: "visually-hidden" }, met ? ": there" : ": missing"),
-            broken.length > 0 && h("span", { class: "needs-broken" }, ` ${names(broken.map(({ path }) => baseName(path)))} cannot be used`),
+            broken.length > 0 &&
+              h(
+                "span",
+                { class: "needs-broken" },
+                ` ${names(broken.map(({ path }) => baseName(path)))} cannot be used`,
+              ),
           ),
         ),
       ),
@@ -504,7 +587,10 @@ function showProblems(session) {
     Object.assign(/** @type {HTMLElement} */ (element).dataset, { problem: key, text });
     return element;
   });
-  if (elements.length !== place.children.length || elements.some((element, i) => element !== place.children[i])) {
+  if (
+    elements.length !== place.children.length ||
+    elements.some((element, i) => element !== place.children[i])
+  ) {
     fill(place, ...elements);
   }
 }
@@ -517,12 +603,19 @@ function problemsOf(session) {
   const { broken } = session;
   const left = broken.length - LISTED_BROKEN;
   return [
-    ...Array.from(session.problems, ([key, problem]) => ({ key, ...problem, dismiss: () => session.dismiss(key) })),
+    ...Array.from(session.problems, ([key, problem]) => ({
+      key,
+      ...problem,
+      dismiss: () => session.dismiss(key),
+    })),
     ...broken.slice(0, LISTED_BROKEN).map((file) => ({
       key: `broken ${file.path}`,
       kind: /** @type {const} */ ("error"),
       text: file.error,
-      action: { label: `Show ${baseName(file.path)} among the files`, run: () => showFile(file.path) },
+      action: {
+        label: `Show ${baseName(file.path)} among the files`,
+        run: () => showFile(file.path),
+      },
       dismiss: () => session.dismissError(file.path),
     })),
     ...(left > 0
@@ -565,7 +658,12 @@ function showJoin(session) {
   fill(
     place,
     h("h2", { id: "join-title" }, "Frames and rows"),
-    h("p", { class: "figure-line" }, h("strong", {}, integer(join.matched)), ` ${left} have their row of ground truth`),
+    h(
+      "p",
+      { class: "figure-line" },
+      h("strong", {}, integer(join.matched)),
+      ` ${left} have their row of ground truth`,
+    ),
     ...unmatched("frames", `${left} have no row`, join.unmatchedFrames, join.unmatched.frames),
     ...unmatched(
       "rows",
@@ -606,8 +704,10 @@ function unmatched(key, text, { count: number, first }, sequences) {
         { class: "unmatched-body" },
         h("p", {}, h("strong", {}, integer(number)), ` ${text}`),
         h("p", { class: "file-reason" }, ...prose(names(first, number))),
-        disclosure(`unmatched ${key}`, `All of them, in ${count(sequences.length, "sequence")}`, () =>
-          virtualList(`What is unmatched: ${text}`, sequences.length, ROW, row),
+        disclosure(
+          `unmatched ${key}`,
+          `All of them, in ${count(sequences.length, "sequence")}`,
+          () => virtualList(`What is unmatched: ${text}`, sequences.length, ROW, row),
         ),
       ),
     ),

@@ -36,17 +36,23 @@ export function capabilityView(session) {
     id: "capability",
     label: "Tracking capability over a common factor of all thresholds",
     draw: (theme, width) =>
-      session.evaluation ? capabilityFigure(session.evaluation, theme ? factor : undefined, theme, width) : null,
+      session.evaluation
+        ? capabilityFigure(session.evaluation, theme ? factor : undefined, theme, width)
+        : null,
     drawn: (drawn) => {
       range = drawn.x;
-      slider.value = String(Math.round((STEPS * Math.log(factor / range[0])) / Math.log(range[1] / range[0])));
+      slider.value = String(
+        Math.round((STEPS * Math.log(factor / range[0])) / Math.log(range[1] / range[0])),
+      );
       tell();
     },
   });
 
   const read = (/** @type {number} */ at) => {
     const objects = session.evaluation?.objects ?? [];
-    const tracked = objects.filter(({ error, threshold }) => error !== null && error <= at * threshold);
+    const tracked = objects.filter(
+      ({ error, threshold }) => error !== null && error <= at * threshold,
+    );
     const names = tracked.length > 0 ? tracked.map(({ name }) => name).join(", ") : "none";
     return { tc: tracked.length / Math.max(1, objects.length), names };
   };
@@ -72,7 +78,12 @@ export function capabilityView(session) {
     "section",
     { class: "panel", "aria-labelledby": "capability-title" },
     h("h3", { id: "capability-title" }, "If the thresholds were others"),
-    h("p", { class: "hint-line" }, "All thresholds times a common factor. An object joins at its error divided by its threshold."),
+    h(
+      "p",
+      { class: "hint-line" },
+      "All thresholds times a common factor. An object joins at its error divided by its " +
+        "threshold.",
+    ),
     figure.element,
     h("div", { class: "factor" }, h("label", { for: "factor" }, "Factor"), slider, readout),
   );

@@ -118,8 +118,10 @@ function factsOf(session, object, result) {
     total > result.frames && `${integer(total - result.frames)} not visible`,
     (evaluation?.excluded ?? 0) > 0 && `${integer(evaluation?.excluded ?? 0)} not finite`,
   ].filter(Boolean);
-  const fact = (/** @type {string} */ term, /** @type {import("../ui/dom.js").Child[]} */ ...text) =>
-    h("div", {}, h("dt", {}, term), h("dd", {}, ...text));
+  const fact = (
+    /** @type {string} */ term,
+    /** @type {import("../ui/dom.js").Child[]} */ ...text
+  ) => h("div", {}, h("dt", {}, term), h("dd", {}, ...text));
   const look = (/** @type {number} */ keypoint) =>
     h(
       "button",
@@ -138,7 +140,9 @@ function factsOf(session, object, result) {
     evaluation?.held_out && interval && fact("95 % interval there", interval),
     fact("Best keypoint", best === null ? "–" : `no. ${best}`),
     second && fact("Second best", look(second.keypoint), ` ${significant(second.error)}`),
-    displayed !== null && displayed !== best && fact("On display", `no. ${displayed} · `, backToBest(session, object)),
+    displayed !== null &&
+      displayed !== best &&
+      fact("On display", `no. ${displayed} · `, backToBest(session, object)),
     fact(
       "RMSE",
       pixels === null || pixels === undefined
@@ -156,7 +160,11 @@ function factsOf(session, object, result) {
  * @param {number} object
  */
 function backToBest(session, object) {
-  return h("button", { type: "button", class: "link", onclick: () => session.choose(object, null) }, "back to the best");
+  return h(
+    "button",
+    { type: "button", class: "link", onclick: () => session.choose(object, null) },
+    "back to the best",
+  );
 }
 
 /** A map as two equations. @param {NonNullable<ObjectEvaluation["map"]>} map */
@@ -165,9 +173,15 @@ function equations({ a, b }) {
   const sign = (/** @type {number} */ value) => (value < 0 ? "−" : "+");
   const rows = ["x", "y"].map((axis, i) => {
     const [u, v] = a[i];
-    return `${axis} = ${u < 0 ? "−" : ""}${part(u)} u ${sign(v)} ${part(v)} v ${sign(b[i])} ${part(b[i])}`;
+    return (
+      `${axis} = ${u < 0 ? "−" : ""}${part(u)} u ${sign(v)} ${part(v)} v ${sign(b[i])} ` +
+      `${part(b[i])}`
+    );
   });
-  return [...rows.map((row) => h("p", {}, h("code", {}, row))), h("p", { class: "hint-line" }, "(u, v): the keypoint; (x, y): the object, ndc")];
+  return [
+    ...rows.map((row) => h("p", {}, h("code", {}, row))),
+    h("p", { class: "hint-line" }, "(u, v): the keypoint; (x, y): the object, ndc"),
+  ];
 }
 
 /**
@@ -193,11 +207,16 @@ function thresholdField(session, object) {
     },
     // Leaving the field with something impossible in it brings back what is in force.
     onblur: () => {
-      if (input.getAttribute("aria-invalid") === "true") reset(session.options.thresholds?.[object] ?? null);
+      if (input.getAttribute("aria-invalid") === "true")
+        reset(session.options.thresholds?.[object] ?? null);
     },
   });
   const hint = h("span", { id: `${id}-hint`, class: "hint", role: "status" });
-  const button = h("button", { type: "button", class: "link", onclick: () => reset(null) }, "Default");
+  const button = h(
+    "button",
+    { type: "button", class: "link", onclick: () => reset(null) },
+    "Default",
+  );
   const reset = (/** @type {number | null} */ value) => {
     input.setAttribute("aria-invalid", "false");
     hint.textContent = "";
@@ -229,11 +248,21 @@ function gaugeView() {
     for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
     return element;
   };
-  const root = make("svg", { class: "gauge", viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" });
+  const root = make("svg", {
+    class: "gauge",
+    viewBox: "0 0 100 10",
+    preserveAspectRatio: "none",
+    "aria-hidden": "true",
+  });
   const bar = make("rect", { class: "gauge-bar", y: "3", height: "4", x: "0" });
   const tick = make("rect", { class: "gauge-tick", y: "0", height: "10", width: "0.8" });
   const second = make("rect", { class: "gauge-second", y: "3", height: "4", width: "0.6" });
-  root.append(make("rect", { class: "gauge-track", y: "3", height: "4", width: "100" }), bar, second, tick);
+  root.append(
+    make("rect", { class: "gauge-track", y: "3", height: "4", width: "100" }),
+    bar,
+    second,
+    tick,
+  );
 
   const position = (/** @type {number} */ error) => {
     const share = Math.log(error / GAUGE.from) / Math.log(GAUGE.to / GAUGE.from);
@@ -243,7 +272,13 @@ function gaugeView() {
     "div",
     { class: "gauge-frame", "aria-hidden": "true" },
     root,
-    h("div", { class: "gauge-scale" }, h("span", {}, "0.0001"), h("span", {}, "0.01"), h("span", {}, "1")),
+    h(
+      "div",
+      { class: "gauge-scale" },
+      h("span", {}, "0.0001"),
+      h("span", {}, "0.01"),
+      h("span", {}, "1"),
+    ),
   );
   /**
    * @param {number | null} error

@@ -18,7 +18,12 @@ export function contextView(session) {
   const element = h(
     "details",
     { class: "panel context", id: "context", ontoggle: () => update() },
-    h("summary", {}, h("h3", {}, "What others measure"), " regression with PCK, min-cost assignment"),
+    h(
+      "summary",
+      {},
+      h("h3", {}, "What others measure"),
+      " regression with PCK, min-cost assignment",
+    ),
     body,
   );
   const update = () => {
@@ -28,7 +33,10 @@ export function contextView(session) {
     if (now === key) return;
     key = now;
     const context = session.context();
-    fill(body, ...(context ? tables(context) : [h("p", {}, "The saved evaluation does not have them.")]));
+    fill(
+      body,
+      ...(context ? tables(context) : [h("p", {}, "The saved evaluation does not have them.")]),
+    );
   };
   return { element, update };
 }
@@ -36,13 +44,16 @@ export function contextView(session) {
 /** @param {Context} context */
 function tables(context) {
   const within = context.close.map((share) => `within ${percent(share)}`);
-  const pck = (/** @type {number[] | null} */ shares) => context.close.map((_, i) => (shares ? percent(shares[i]) : "–"));
+  const pck = (/** @type {number[] | null} */ shares) =>
+    context.close.map((_, i) => (shares ? percent(shares[i]) : "–"));
   return [
     h(
       "p",
       { class: "hint-line" },
-      "Every object predicted from all keypoints together by linear regression, and the percentage of correct positions (PCK) " +
-        "within a share of the side of the image (T. Jakab et al., 2018; their 6 of 128 pixels is the middle one). It asks whether " +
+      "Every object predicted from all keypoints together by linear regression, and the " +
+        "percentage of correct positions (PCK) " +
+        "within a share of the side of the image (T. Jakab et al., 2018; their 6 of 128 pixels " +
+        "is the middle one). It asks whether " +
         "the position is somewhere in the keypoints, not whether one of them follows the object.",
     ),
     table(
@@ -57,8 +68,10 @@ function tables(context) {
     h(
       "p",
       { class: "hint-line" },
-      "Keypoints as they are, matched one to one to the objects with the smallest total distance (T. Kulkarni et al., 2019): precision " +
-        "is the share of keypoints that are matched that closely, recall that of objects; anew in every frame, or once a sequence.",
+      "Keypoints as they are, matched one to one to the objects with the smallest total distance " +
+        "(T. Kulkarni et al., 2019): precision " +
+        "is the share of keypoints that are matched that closely, recall that of objects; anew " +
+        "in every frame, or once a sequence.",
     ),
     table(
       ["matched", "", ...within],
@@ -78,14 +91,23 @@ function table(head, rows) {
   const element = h(
     "table",
     {},
-    h("thead", {}, h("tr", {}, ...head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td"))))),
+    h(
+      "thead",
+      {},
+      h("tr", {}, ...head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td")))),
+    ),
     h(
       "tbody",
       {},
-      ...rows.map(([first, ...rest]) => h("tr", {}, h("th", { scope: "row" }, first), ...rest.map((text) => h("td", {}, text)))),
+      ...rows.map(([first, ...rest]) =>
+        h("tr", {}, h("th", { scope: "row" }, first), ...rest.map((text) => h("td", {}, text))),
+      ),
     ),
   );
-  return scrollRegion(h("div", { class: "table-scroll" }, element), head.filter(Boolean).join(", "));
+  return scrollRegion(
+    h("div", { class: "table-scroll" }, element),
+    head.filter(Boolean).join(", "),
+  );
 }
 
 /** @param {number} share */

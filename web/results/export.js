@@ -15,8 +15,11 @@ const COPIED_MS = 2000;
 
 /** @param {Session} session */
 export function exportView(session) {
-  const item = (/** @type {string} */ id, /** @type {string} */ label, /** @type {() => void} */ onclick) =>
-    h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
+  const item = (
+    /** @type {string} */ id,
+    /** @type {string} */ label,
+    /** @type {() => void} */ onclick,
+  ) => h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
   const complete = (/** @type {(evaluation: Evaluation) => void} */ write) => async () => {
     await init(["figures"]);
     const evaluation = session.completeEvaluation();
@@ -57,15 +60,27 @@ export function exportView(session) {
     h(
       "div",
       { class: "downloads" },
-      item("save-report", "Report (HTML)", complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation)))),
+      item(
+        "save-report",
+        "Report (HTML)",
+        complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation))),
+      ),
       item(
         "save-evaluation",
         "Evaluation (JSON)",
-        complete((evaluation) => save("evaluation.json", "application/json", `${JSON.stringify(evaluation, null, 2)}\n`)),
+        complete((evaluation) =>
+          save("evaluation.json", "application/json", `${JSON.stringify(evaluation, null, 2)}\n`),
+        ),
       ),
-      item("save-table", "Table (CSV)", complete((evaluation) => save("evaluation.csv", "text/csv", evaluationCsv(evaluation)))),
+      item(
+        "save-table",
+        "Table (CSV)",
+        complete((evaluation) => save("evaluation.csv", "text/csv", evaluationCsv(evaluation))),
+      ),
       session.table &&
-        item("save-keypoints", "Keypoints (CSV)", () => save("keypoints.csv", "text/csv", session.table?.toCsv() ?? "")),
+        item("save-keypoints", "Keypoints (CSV)", () =>
+          save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
+        ),
     ),
     h("p", { class: "hint-line" }, "Figures are saved below each of them."),
     repeat,

@@ -1,5 +1,8 @@
 // @ts-check
-/** Figures of the results: SVG from the package, redrawn for the width and the colours in force, saved as SVG and PNG. */
+/**
+ * Figures of the results: SVG from the package, redrawn for the width and the colours in force,
+ * saved as SVG and PNG.
+ */
 
 import init from "../pkg/index.js";
 import { fill, h, icon } from "../ui/dom.js";
@@ -44,7 +47,14 @@ export function figureView({ id, label, draw, drawn }) {
     try {
       await init(["figures"]);
     } catch (error) {
-      fill(plate, h("p", { class: "hint-line" }, `The figure cannot be drawn: ${/** @type {Error} */ (error).message}`));
+      fill(
+        plate,
+        h(
+          "p",
+          { class: "hint-line" },
+          `The figure cannot be drawn: ${/** @type {Error} */ (error).message}`,
+        ),
+      );
       return;
     }
     if (scroll.clientWidth === 0) return;
@@ -118,7 +128,10 @@ async function savePng(name, svg) {
     const image = new Image();
     image.src = url;
     await image.decode();
-    const canvas = h("canvas", { width: PNG_SCALE * image.naturalWidth, height: PNG_SCALE * image.naturalHeight });
+    const canvas = h("canvas", {
+      width: PNG_SCALE * image.naturalWidth,
+      height: PNG_SCALE * image.naturalHeight,
+    });
     canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
     canvas.toBlob((blob) => blob && save(name, "image/png", blob), "image/png");
   } finally {

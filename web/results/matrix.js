@@ -1,5 +1,8 @@
 // @ts-check
-/** The errors of all keypoints for all objects: a heat map whose cells choose the keypoint on display. */
+/**
+ * The errors of all keypoints for all objects: a heat map whose cells choose the keypoint on
+ * display.
+ */
 
 import { matrixFigure } from "../pkg/index.js";
 import { fill, h } from "../ui/dom.js";
@@ -30,7 +33,9 @@ export function matrixView(session) {
     draw: (theme, width) => {
       const { evaluation } = session;
       if (!evaluation) return null;
-      const chosen = Int32Array.from(evaluation.objects, (_, k) => (session.isChosen(k) ? (session.keypointOf(k) ?? -1) : -1));
+      const chosen = Int32Array.from(evaluation.objects, (_, k) =>
+        session.isChosen(k) ? (session.keypointOf(k) ?? -1) : -1,
+      );
       return matrixFigure(evaluation, chosen, theme, width);
     },
     drawn: (drawn, layer) => {
@@ -54,10 +59,22 @@ export function matrixView(session) {
         }),
       );
       const rows = cells.map((row) => h("div", { role: "row", class: "matrix-row" }, ...row));
-      const grid = h("div", { role: "grid", class: "matrix-grid", "aria-label": "Errors by object and keypoint" }, ...rows);
-      Object.assign(grid.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+      const grid = h(
+        "div",
+        { role: "grid", class: "matrix-grid", "aria-label": "Errors by object and keypoint" },
+        ...rows,
+      );
+      Object.assign(grid.style, {
+        left: `${left}px`,
+        top: `${top}px`,
+        width: `${width}px`,
+        height: `${height}px`,
+      });
       fill(layer, grid);
-      at = { object: Math.min(at.object, cells.length - 1), keypoint: Math.min(at.keypoint, columns - 1) };
+      at = {
+        object: Math.min(at.object, cells.length - 1),
+        keypoint: Math.min(at.keypoint, columns - 1),
+      };
       const current = cells[at.object][at.keypoint];
       current.tabIndex = 0;
       if (focused) current.focus({ preventScroll: true });
@@ -65,7 +82,9 @@ export function matrixView(session) {
   });
 
   const cellOf = (/** @type {Event} */ event) =>
-    event.target instanceof HTMLElement && event.target.dataset.keypoint !== undefined ? event.target : null;
+    event.target instanceof HTMLElement && event.target.dataset.keypoint !== undefined
+      ? event.target
+      : null;
   const tell = (/** @type {Event} */ event) => {
     const cell = cellOf(event);
     const drawn = figure.drawing();
@@ -73,7 +92,11 @@ export function matrixView(session) {
     const { object, keypoint } = positionOf(cell);
     const [left, top, width, height] = drawn.plot;
     const x = left + ((keypoint + 0.5) * width) / cells[0].length;
-    figure.showTip(describe(session, object, keypoint), x, top + ((object + 1) * height) / cells.length);
+    figure.showTip(
+      describe(session, object, keypoint),
+      x,
+      top + ((object + 1) * height) / cells.length,
+    );
   };
   const choose = (/** @type {HTMLElement} */ cell) => {
     at = positionOf(cell);
@@ -113,7 +136,12 @@ export function matrixView(session) {
   const element = h(
     "section",
     { class: "panel", "aria-labelledby": "matrix-title" },
-    h("div", { class: "panel-head" }, h("h3", { id: "matrix-title" }, "Every keypoint for every object"), reset),
+    h(
+      "div",
+      { class: "panel-head" },
+      h("h3", { id: "matrix-title" }, "Every keypoint for every object"),
+      reset,
+    ),
     note,
     figure.element,
   );
@@ -122,10 +150,14 @@ export function matrixView(session) {
     reset.hidden = chosen.length === 0;
     note.textContent =
       chosen.length === 0
-        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the threshold." +
+        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the " +
+          "threshold." +
           (session.scoring ? " Choose a cell to see that keypoint in the frames and plots." : "")
         : `Shown in the frames and plots: ${chosen
-            .map((name) => `${name} with keypoint ${session.keypointOf(session.objects.indexOf(name))}`)
+            .map(
+              (name) =>
+                `${name} with keypoint ${session.keypointOf(session.objects.indexOf(name))}`,
+            )
             .join(", ")}. The score stays that of the best keypoints.`;
     figure.update();
   };
@@ -149,7 +181,9 @@ function describe(session, object, keypoint) {
   const what = `${result.name}, keypoint ${keypoint}`;
   if (error === null || error === undefined) return `${what}: the object is never visible`;
   const notes = [
-    error <= result.threshold ? "up to the threshold" : `${significant(error / result.threshold)} × the threshold`,
+    error <= result.threshold
+      ? "up to the threshold"
+      : `${significant(error / result.threshold)} × the threshold`,
     keypoint === result.best_keypoint && "best",
     session.keypointOf(object) === keypoint && "on display",
   ];

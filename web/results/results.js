@@ -1,5 +1,8 @@
 // @ts-check
-/** The results: tracking capability, a card per object, the figures, what others measure, and taking it all away. */
+/**
+ * The results: tracking capability, a card per object, the figures, what others measure, and taking
+ * it all away.
+ */
 
 import { announce, byId, fill, h } from "../ui/dom.js";
 import { fixed } from "../ui/format.js";

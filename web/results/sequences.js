@@ -1,5 +1,8 @@
 // @ts-check
-/** Where the error of an object comes from: its sequences and frames, the worst ones first, and a way to each. */
+/**
+ * Where the error of an object comes from: its sequences and frames, the worst ones first, and a
+ * way to each.
+ */
 
 import { sequencesFigure } from "../pkg/index.js";
 import { byId, fill, h } from "../ui/dom.js";
@@ -36,9 +39,17 @@ export function sequencesView(session) {
     draw: (theme, width) => {
       if (errors.length < 2) return null;
       const { frame } = session.selection;
-      const selected = errors.findIndex(({ start, length }) => frame >= start && frame < start + length);
+      const selected = errors.findIndex(
+        ({ start, length }) => frame >= start && frame < start + length,
+      );
       const marked = theme && selected >= 0 ? selected : undefined;
-      return sequencesFigure(Float64Array.from(errors, ({ error }) => error), threshold, marked, theme, width);
+      return sequencesFigure(
+        Float64Array.from(errors, ({ error }) => error),
+        threshold,
+        marked,
+        theme,
+        width,
+      );
     },
   });
   const under = (/** @type {MouseEvent} */ event) => {
@@ -55,7 +66,12 @@ export function sequencesView(session) {
   figure.layer.addEventListener("pointermove", (event) => {
     const found = under(event);
     figure.layer.dataset.active = String(found !== null && session.scoring !== null);
-    if (found) figure.showTip(`${found.worst.sequence}: error ${significant(found.worst.error)}`, found.x, found.y);
+    if (found)
+      figure.showTip(
+        `${found.worst.sequence}: error ${significant(found.worst.error)}`,
+        found.x,
+        found.y,
+      );
     else figure.showTip(null);
   });
   figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
@@ -74,7 +90,10 @@ export function sequencesView(session) {
       key = "";
       return;
     }
-    fill(objects, ...session.objects.map((name, k) => h("option", { selected: k === object }, name)));
+    fill(
+      objects,
+      ...session.objects.map((name, k) => h("option", { selected: k === object }, name)),
+    );
     objects.hidden = session.objects.length < 2;
     title.textContent = `Where the error of ${result.name} comes from`;
     threshold = result.threshold;
@@ -83,12 +102,16 @@ export function sequencesView(session) {
       key = now;
       errors = session.errorsBySequence(object, keypoint);
       fill(sequenceList, ...errors.slice(0, SHOWN).map((worst) => sequenceItem(session, worst)));
-      fill(frameList, ...session.worstFrames(object, keypoint, SHOWN).map((worst) => frameItem(session, worst)));
+      fill(
+        frameList,
+        ...session.worstFrames(object, keypoint, SHOWN).map((worst) => frameItem(session, worst)),
+      );
       sequencePart.hidden = errors.length < 2;
       hint.textContent =
         errors.length < 2
           ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
-          : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one first; dashed: the threshold. ` +
+          : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one ` +
+            "first; dashed: the threshold. " +
             (session.scoring ? "Choose one to see its worst frame." : "");
     }
     figure.update();
@@ -100,7 +123,12 @@ export function sequencesView(session) {
     h("div", { class: "panel-head" }, title, objects),
     hint,
     figure.element,
-    h("div", { class: "worst-lists" }, sequencePart, h("div", {}, h("h4", {}, session.scoring ? "Worst frames" : "Their worst frames"), frameList)),
+    h(
+      "div",
+      { class: "worst-lists" },
+      sequencePart,
+      h("div", {}, h("h4", {}, session.scoring ? "Worst frames" : "Their worst frames"), frameList),
+    ),
   );
   return { element, update, reset: () => (key = "") };
 }
@@ -135,7 +163,9 @@ function item(session, text, position, error, title) {
   return h(
     "li",
     {},
-    position < 0 ? h("span", {}, text) : h("button", { type: "button", class: "link", title, data, onclick }, text),
+    position < 0
+      ? h("span", {}, text)
+      : h("button", { type: "button", class: "link", title, data, onclick }, text),
     h("span", { class: "worst-error" }, significant(error)),
   );
 }

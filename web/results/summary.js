@@ -26,7 +26,10 @@ const FOLDS = [2, 3, 5, 10];
 
 /** @param {{ tracked: boolean }[]} objects */
 export function tally(objects) {
-  return `${objects.filter(({ tracked }) => tracked).length} of ${count(objects.length, "object")} tracked`;
+  return (
+    `${objects.filter(({ tracked }) => tracked).length} of ` +
+    `${count(objects.length, "object")} tracked`
+  );
 }
 
 /** @param {Session} session */
@@ -47,19 +50,37 @@ export function summaryView(session) {
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
-    if (heldOut) interval.textContent = `On the frames fitted on ${fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
-    else interval.textContent = known ? `95 % interval ${known}` : session.resampling.intervals ? "Drawing the 95 % interval …" : "";
+    if (heldOut)
+      interval.textContent = `On the frames fitted on ${fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
+    else
+      interval.textContent = known
+        ? `95 % interval ${known}`
+        : session.resampling.intervals
+          ? "Drawing the 95 % interval …"
+          : "";
     protocol.textContent = describeProtocol(session, evaluation);
     fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
   };
 
   const switches = session.scoring
-    ? [transformSwitch(session), protocolSelect(session), rankSelect(session), intervalsBox(session)]
+    ? [
+        transformSwitch(session),
+        protocolSelect(session),
+        rankSelect(session),
+        intervalsBox(session),
+      ]
     : [];
   const element = h(
     "div",
     { class: "panel score" },
-    h("div", { class: "tc" }, h("h2", { id: "results-title" }, "Tracking capability"), value, share, interval),
+    h(
+      "div",
+      { class: "tc" },
+      h("h2", { id: "results-title" }, "Tracking capability"),
+      value,
+      share,
+      interval,
+    ),
     switches.length > 0 && h("div", { class: "settings" }, ...switches),
     protocol,
   );
@@ -81,8 +102,10 @@ function savedNotice({ saved, savedIn }) {
   const lacks = saved.lacks.length > 0 ? ` It was saved without ${saved.lacks.join(", ")}.` : "";
   return notice(
     "info",
-    `Shown as ${baseName(savedIn.path)} has it, which tracklens ${saved.evaluation.version} computed.${lacks} Frames, ` +
-      "trajectories and keypoints are in no such file, so nothing can be played or scored otherwise: add the images or keypoints " +
+    `Shown as ${baseName(savedIn.path)} has it, which tracklens ${saved.evaluation.version} ` +
+      `computed.${lacks} Frames, ` +
+      "trajectories and keypoints are in no such file, so nothing can be played or scored " +
+      "otherwise: add the images or keypoints " +
       "and the ground truth for that.",
     { class: "saved" },
   );
@@ -97,16 +120,20 @@ function describeProtocol(session, evaluation) {
   const size = evaluation.image_size;
   const { held_out: heldOut } = evaluation;
   const map = heldOut
-    ? `The map from keypoint to object and the best keypoint are those of the other sequences, in ${heldOut.folds} folds; ` +
+    ? "The map from keypoint to object and the best keypoint are those of the other sequences, " +
+      `in ${heldOut.folds} folds; ` +
       "the errors are on frames they were not fitted on."
-    : `The map from keypoint to object is fitted and scored on the same ${frames}, as in the authors’ code.`;
+    : `The map from keypoint to object is fitted and scored on the same ${frames}, as in the ` +
+      "authors’ code.";
   return [
     evaluation.transform === "identity"
       ? `Keypoints are scored as they are, without a fitted map, on ${frames}.`
       : map,
-    "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 across the image).",
+    "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 " +
+      "across the image).",
     size && `Pixels are those of images of ${size[0]}\u00a0×\u00a0${size[1]}.`,
-    evaluation.excluded > 0 && `${count(evaluation.excluded, "frame")} with a keypoint that is not finite left out.`,
+    evaluation.excluded > 0 &&
+      `${count(evaluation.excluded, "frame")} with a keypoint that is not finite left out.`,
   ]
     .filter(Boolean)
     .join(" ");
@@ -145,9 +172,12 @@ function rankSelect(session) {
     "select",
     {
       id: "rank",
-      onchange: () => session.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
+      onchange: () =>
+        session.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
     },
-    ...RANKS.map(([rank, label]) => h("option", { value: rank, selected: session.options.rank === rank }, label)),
+    ...RANKS.map(([rank, label]) =>
+      h("option", { value: rank, selected: session.options.rank === rank }, label),
+    ),
   );
   return h(
     "label",
@@ -160,7 +190,9 @@ function rankSelect(session) {
 /** @param {Session} session */
 function protocolSelect(session) {
   const most = session.sequences.length;
-  const folds = [...new Set(FOLDS.map((folds) => Math.min(folds, most)))].filter((folds) => folds > 1);
+  const folds = [...new Set(FOLDS.map((folds) => Math.min(folds, most)))].filter(
+    (folds) => folds > 1,
+  );
   const select = h(
     "select",
     {
@@ -169,7 +201,13 @@ function protocolSelect(session) {
       onchange: () => session.setResampling({ folds: Number(select.value) }),
     },
     h("option", { value: "0", selected: session.folds === 0 }, "the frames fitted on"),
-    ...folds.map((n) => h("option", { value: String(n), selected: session.folds === n }, `held-out sequences, ${n} folds`)),
+    ...folds.map((n) =>
+      h(
+        "option",
+        { value: String(n), selected: session.folds === n },
+        `held-out sequences, ${n} folds`,
+      ),
+    ),
   );
   const title =
     most < 2

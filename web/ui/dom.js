@@ -86,7 +86,11 @@ export function byId(id) {
 export function notice(kind, text, { action, dismiss, class: extra, isQuiet = false } = {}) {
   return h(
     "div",
-    { class: extra ? `notice ${extra}` : "notice", data: { kind }, role: kind === "error" && !isQuiet ? "alert" : null },
+    {
+      class: extra ? `notice ${extra}` : "notice",
+      data: { kind },
+      role: kind === "error" && !isQuiet ? "alert" : null,
+    },
     icon(kind === "info" ? "icon-info" : "icon-warning"),
     h(
       "div",
@@ -97,7 +101,13 @@ export function notice(kind, text, { action, dismiss, class: extra, isQuiet = fa
     dismiss &&
       h(
         "button",
-        { type: "button", class: "icon-button", "aria-label": "Dismiss", title: "Dismiss", onclick: dismiss },
+        {
+          type: "button",
+          class: "icon-button",
+          "aria-label": "Dismiss",
+          title: "Dismiss",
+          onclick: dismiss,
+        },
         icon("icon-cross"),
       ),
   );

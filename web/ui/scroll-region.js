@@ -1,5 +1,8 @@
 // @ts-check
-/** What is wider than its place: it scrolls, by keyboard too, and fades at the side where there is more. */
+/**
+ * What is wider than its place: it scrolls, by keyboard too, and fades at the side where there is
+ * more.
+ */
 
 /** Less than this is rounding, in CSS pixels. */
 const SLACK = 1;

@@ -16,7 +16,17 @@ const MOST = 8;
  */
 export function virtualList(label, rows, height, row) {
   const rail = h("div", { class: "rail" });
-  const list = h("div", { class: "virtual", role: "list", tabIndex: 0, "aria-label": label, data: { rows: String(rows) } }, rail);
+  const list = h(
+    "div",
+    {
+      class: "virtual",
+      role: "list",
+      tabIndex: 0,
+      "aria-label": label,
+      data: { rows: String(rows) },
+    },
+    rail,
+  );
   list.style.blockSize = `${Math.min(rows, MOST) * height}rem`;
   rail.style.blockSize = `${rows * height}rem`;
   let drawn = "";

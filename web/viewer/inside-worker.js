@@ -24,7 +24,11 @@ async function answer(question) {
     if (question.kind === "heat") {
       const { frame, keypoint } = question;
       encoder ??= new Encoder(await bytesOf(checkpoint), checkpoint.path);
-      const map = encoder.heatMap(await decodable(await bytesOf(frame), frame.path), frame.path, keypoint);
+      const map = encoder.heatMap(
+        await decodable(await bytesOf(frame), frame.path),
+        frame.path,
+        keypoint,
+      );
       const { width, height, weights } = map;
       map.free();
       return { map: { width, height, weights } };
@@ -44,6 +48,9 @@ async function bytesOf({ path, blob }) {
   try {
     return new Uint8Array(await blob.arrayBuffer());
   } catch {
-    throw new Error(`${path} can no longer be read: it was changed or removed after it was dropped; drop it again`);
+    throw new Error(
+      `${path} can no longer be read: it was changed or removed after it was dropped; drop it ` +
+        "again",
+    );
   }
 }

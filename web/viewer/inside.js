@@ -36,11 +36,16 @@ export class Inside {
   #onChange;
   /** In the order of last use. @type {Map<string, Heat | ImageData | null>} */
   #known = new Map();
-  /** What is to be asked when the worker is free: of each kind only the last question. @type {Map<string, () => void>} */
+  /**
+   * What is to be asked when the worker is free: of each kind only the last question.
+   * @type {Map<string, () => void>}
+   */
   #next = new Map();
   #busy = false;
 
-  /** @param {(problem: string) => void} onChange something more is there, or cannot be made and why */
+  /**
+   * @param {(problem: string) => void} onChange something more is there, or cannot be made and why
+   */
   constructor(onChange) {
     this.#onChange = onChange;
   }
@@ -92,8 +97,14 @@ export class Inside {
   image(session, frame) {
     const points = session.scoring?.keypointsAt(frame);
     if (!Inside.hasImage(session) || !points) return null;
-    const ask = async (/** @type {Given} */ checkpoint) => ({ kind: /** @type {const} */ ("image"), checkpoint, points });
-    const found = this.#of(session, `image ${frame}`, ask, (answer) => ("image" in answer ? answer.image : null));
+    const ask = async (/** @type {Given} */ checkpoint) => ({
+      kind: /** @type {const} */ ("image"),
+      checkpoint,
+      points,
+    });
+    const found = this.#of(session, `image ${frame}`, ask, (answer) =>
+      "image" in answer ? answer.image : null,
+    );
     return /** @type {ImageData | null} */ (found);
   }
 
@@ -163,13 +174,16 @@ export class Inside {
       // Its state is unknown: the next question gets a fresh one.
       worker.terminate();
       this.#worker = null;
-      settle({ problem: `That could not be computed (${event.message || "the worker could not be started"}).` });
+      settle({
+        problem: `That could not be computed (${event.message || "the worker could not be started"}).`,
+      });
     };
     try {
       worker.postMessage(await question);
     } catch (error) {
       // Unless everything was cleared meanwhile.
-      if (worker === this.#worker) settle({ problem: error instanceof Error ? error.message : String(error) });
+      if (worker === this.#worker)
+        settle({ problem: error instanceof Error ? error.message : String(error) });
     }
   }
 }
@@ -210,7 +224,10 @@ function placed({ width, height, weights }, session, frame) {
   canvas.getContext("2d")?.putImageData(pixels, 0, 0);
   const [left, top, right, bottom] = session.placed(new Float64Array([-1, -1, 1, 1]), frame);
   // The points are the centres of the border cells, half a cell inside of the map's edges.
-  const cell = { x: (right - left) / 2 / Math.max(width - 1, 1), y: (bottom - top) / 2 / Math.max(height - 1, 1) };
+  const cell = {
+    x: (right - left) / 2 / Math.max(width - 1, 1),
+    y: (bottom - top) / 2 / Math.max(height - 1, 1),
+  };
   return {
     image: canvas,
     left: (left + 1) / 2 - cell.x / 2,

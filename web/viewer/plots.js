@@ -1,5 +1,8 @@
 // @ts-check
-/** x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move the frame. */
+/**
+ * x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move
+ * the frame.
+ */
 
 import init, { drawLines, linesToSvg } from "../pkg/index.js";
 import { fill, h, icon } from "../ui/dom.js";
@@ -107,7 +110,12 @@ function plotView(session, quantity) {
       h("span", { class: "visually-hidden" }, ` of ${quantity} over the frames`),
     ),
   );
-  const element = h("figure", { class: "plot-figure" }, h("figcaption", {}, title, readout, ...saved), surface);
+  const element = h(
+    "figure",
+    { class: "plot-figure" },
+    h("figcaption", {}, title, readout, ...saved),
+    surface,
+  );
 
   /** @type {{ plot: Plot, area: PlotArea, scale: number } | null} */
   let shown = null;
@@ -122,7 +130,8 @@ function plotView(session, quantity) {
     const fontSize = clientWidth < NARROW ? FONT_SIZE.narrow : FONT_SIZE.usual;
     const plot = describe(session, quantity, colors, Math.round(fontSize * scale));
     const [width, height] = [clientWidth, clientHeight].map((side) => Math.round(side * scale));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    if (canvas.width !== width || canvas.height !== height)
+      Object.assign(canvas, { width, height });
     element.dataset.empty = String(plot === null);
     if (!plot) {
       canvas.getContext("2d")?.clearRect(0, 0, width, height);
@@ -164,7 +173,8 @@ function plotView(session, quantity) {
     if (!shown) return null;
     const { plot, area, scale } = shown;
     const column = (event.clientX - canvas.getBoundingClientRect().left) * scale;
-    const position = ((column - area.left) / Math.max(area.right - area.left, 1)) * (area.end - area.start);
+    const position =
+      ((column - area.left) / Math.max(area.right - area.left, 1)) * (area.end - area.start);
     let nearest = 0;
     for (const [i, at] of plot.at.entries()) {
       if (Math.abs(at - position) < Math.abs(plot.at[nearest] - position)) nearest = i;
@@ -238,7 +248,12 @@ function valueView({ label, mark, value }) {
  * @param {"svg" | "png"} format
  */
 async function savePlot(session, quantity, format) {
-  const plot = describe(session, quantity, PRINT, SAVED.fontSize * (format === "png" ? SAVED.pixels : 1));
+  const plot = describe(
+    session,
+    quantity,
+    PRINT,
+    SAVED.fontSize * (format === "png" ? SAVED.pixels : 1),
+  );
   if (!plot) return;
   const figure = { ...plot.figure, cursor: null };
   const sequence = session.sequenceOf(session.selection.frame)?.name;
@@ -268,7 +283,9 @@ function describe(session, quantity, colors, fontSize) {
   const series = session.series(selection.object);
   const sequence = session.sequenceOf(selection.frame);
   if (!evaluation || !series || !sequence) return null;
-  const { start, at } = axisOf(session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length));
+  const { start, at } = axisOf(
+    session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length),
+  );
   const length = at[at.length - 1] + 1;
   const line = (
     /** @type {string} */ label,
@@ -289,7 +306,10 @@ function describe(session, quantity, colors, fontSize) {
     yLabel: isError ? "e (ndc²)" : `${quantity} (ndc)`,
     start,
     series: isError
-      ? [line("threshold", colors.foreground, () => threshold), line("error", colors.error, (t) => series.distances[t])]
+      ? [
+          line("threshold", colors.foreground, () => threshold),
+          line("error", colors.error, (t) => series.distances[t]),
+        ]
       : [
           line(`keypoint ${keypoint}`, colors.keypoint, coordinate(series.keypoint)),
           line("truth", colors.truth, coordinate(series.truth)),
@@ -317,7 +337,10 @@ function axisOf(numbers) {
   const span = numbers[numbers.length - 1] - start + 1;
   const increasing = numbers.every((number, i) => i === 0 || number > numbers[i - 1]);
   const dense = increasing && span <= MAX_STRETCH * numbers.length;
-  return { start: dense ? start : 0, at: Array.from(numbers, (number, i) => (dense ? number - start : i)) };
+  return {
+    start: dense ? start : 0,
+    at: Array.from(numbers, (number, i) => (dense ? number - start : i)),
+  };
 }
 
 /** @param {Session} session */

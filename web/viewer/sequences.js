@@ -1,5 +1,7 @@
 // @ts-check
-/** The sequences with their errors, to pick one; only the rows in sight are elements of the page. */
+/**
+ * The sequences with their errors, to pick one; only the rows in sight are elements of the page.
+ */
 
 import { fill, h } from "../ui/dom.js";
 import { count, significant } from "../ui/format.js";
@@ -31,7 +33,12 @@ export function sequenceList(session) {
       "aria-labelledby": "sequence-list-title",
       onscroll: () => draw(),
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
-        const to = { ArrowDown: current() + 1, ArrowUp: current() - 1, Home: 0, End: order.length - 1 }[event.key];
+        const to = {
+          ArrowDown: current() + 1,
+          ArrowUp: current() - 1,
+          Home: 0,
+          End: order.length - 1,
+        }[event.key];
         if (to === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
         event.preventDefault();
         event.stopPropagation();
@@ -40,19 +47,28 @@ export function sequenceList(session) {
     },
     rows,
   );
-  const sorting = h("button", {
-    type: "button",
-    id: "worst-first",
-    class: "link",
-    "aria-pressed": "false",
-    onclick: () => {
-      worstFirst = !worstFirst;
-      sorting.setAttribute("aria-pressed", String(worstFirst));
-      update();
+  const sorting = h(
+    "button",
+    {
+      type: "button",
+      id: "worst-first",
+      class: "link",
+      "aria-pressed": "false",
+      onclick: () => {
+        worstFirst = !worstFirst;
+        sorting.setAttribute("aria-pressed", String(worstFirst));
+        update();
+      },
     },
-  }, "Worst first");
+    "Worst first",
+  );
   const title = h("h3", { id: "sequence-list-title", class: "small-title" }, "Sequences");
-  const element = h("div", { class: "viewer-sequences" }, h("div", { class: "sequence-head" }, title, sorting), list);
+  const element = h(
+    "div",
+    { class: "viewer-sequences" },
+    h("div", { class: "sequence-head" }, title, sorting),
+    list,
+  );
 
   const shown = () => {
     const range = session.sequenceOf(session.selection.frame);
@@ -69,7 +85,10 @@ export function sequenceList(session) {
     // The list also hears of its size when everything was removed.
     if (!session.scoring) return;
     const first = Math.max(0, Math.floor(list.scrollTop / rowHeight) - BEYOND);
-    const last = Math.min(order.length, Math.ceil((list.scrollTop + list.clientHeight) / rowHeight) + BEYOND);
+    const last = Math.min(
+      order.length,
+      Math.ceil((list.scrollTop + list.clientHeight) / rowHeight) + BEYOND,
+    );
     const selected = shown();
     const inSight = order.slice(first, last);
     const positions = inSight.map((_, i) => first + i);
@@ -87,7 +106,9 @@ export function sequenceList(session) {
     const sequence = order[position];
     const { name, length } = session.sequences[sequence];
     const error = errors[sequence];
-    const { threshold } = session.evaluation?.objects[session.selection.object] ?? { threshold: NaN };
+    const { threshold } = session.evaluation?.objects[session.selection.object] ?? {
+      threshold: NaN,
+    };
     const seen = !Number.isNaN(error);
     const bar = h("span", { class: "sequence-bar", "aria-hidden": "true" }, h("span"), h("span"));
     const [extent, tick] = /** @type {HTMLElement[]} */ ([...bar.children]);
@@ -107,7 +128,11 @@ export function sequenceList(session) {
         onclick: () => pick(sequence),
       },
       h("span", { class: "sequence-name" }, name),
-      h("span", { class: "visually-hidden" }, `, ${count(length, "frame")}, ${seen ? "error" : "object not visible"} `),
+      h(
+        "span",
+        { class: "visually-hidden" },
+        `, ${count(length, "frame")}, ${seen ? "error" : "object not visible"} `,
+      ),
       bar,
       h("span", { class: "sequence-error" }, significant(error)),
     );
@@ -120,7 +145,8 @@ export function sequenceList(session) {
     if (at < 0) return;
     const { scrollTop, clientHeight } = list;
     if (at * rowHeight < scrollTop) list.scrollTop = at * rowHeight;
-    else if ((at + 1) * rowHeight > scrollTop + clientHeight) list.scrollTop = (at + 1) * rowHeight - clientHeight;
+    else if ((at + 1) * rowHeight > scrollTop + clientHeight)
+      list.scrollTop = (at + 1) * rowHeight - clientHeight;
   };
 
   /** What the rows were made of. */
@@ -133,8 +159,15 @@ export function sequenceList(session) {
     if (!evaluation) return;
     // Another evaluation is another object.
     const shownBefore = scored;
-    scored = { evaluation, object: selection.object, keypoint: session.keypointOf(selection.object), worstFirst };
-    const same = Object.entries(scored).every(([key, value]) => Reflect.get(shownBefore, key) === value);
+    scored = {
+      evaluation,
+      object: selection.object,
+      keypoint: session.keypointOf(selection.object),
+      worstFirst,
+    };
+    const same = Object.entries(scored).every(
+      ([key, value]) => Reflect.get(shownBefore, key) === value,
+    );
     if (same && current() === at) return;
     at = current();
     if (!same) {
@@ -146,7 +179,8 @@ export function sequenceList(session) {
     }
     rowHeight = ROW_REM * parseFloat(getComputedStyle(document.documentElement).fontSize);
     rows.style.height = `${order.length * rowHeight}px`;
-    title.textContent = order.length === 1 ? "Sequence" : `${order.length.toLocaleString("en")} sequences`;
+    title.textContent =
+      order.length === 1 ? "Sequence" : `${order.length.toLocaleString("en")} sequences`;
     sorting.hidden = order.length < 2;
     follow();
     draw();
@@ -160,5 +194,7 @@ export function sequenceList(session) {
  * @param {number} error
  */
 function share(error) {
-  return 100 * Math.min(1, Math.max(0, Math.log(error / SCALE.from) / Math.log(SCALE.to / SCALE.from)));
+  return (
+    100 * Math.min(1, Math.max(0, Math.log(error / SCALE.from) / Math.log(SCALE.to / SCALE.from)))
+  );
 }

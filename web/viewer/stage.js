@@ -38,7 +38,12 @@ export function stage(session, look, onProblem) {
     schedule();
   });
   const decoded = h("canvas", { id: "reconstruction", class: "stage", role: "img" });
-  const reconstruction = h("figure", { class: "reconstruction", hidden: true }, decoded, h("figcaption", {}, "Reconstruction"));
+  const reconstruction = h(
+    "figure",
+    { class: "reconstruction", hidden: true },
+    decoded,
+    h("figcaption", {}, "Reconstruction"),
+  );
   const element = h("div", { class: "stage-row" }, canvas, reconstruction);
 
   let scheduled = false;
@@ -73,12 +78,17 @@ export function stage(session, look, onProblem) {
     canvas.style.aspectRatio = `${size.width} / ${size.height}`;
     canvas.style.maxWidth = `calc(75vh * ${size.width / size.height})`;
     const scale = window.devicePixelRatio;
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.round(side * scale));
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
+      Math.round(side * scale),
+    );
     if (width === 0 || height === 0) return;
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    if (canvas.width !== width || canvas.height !== height)
+      Object.assign(canvas, { width, height });
     const context = canvas.getContext("2d");
     if (!context) return;
-    const missing = source ? `${baseName(source.path)} cannot be shown by this browser` : "no image of this frame";
+    const missing = source
+      ? `${baseName(source.path)} cannot be shown by this browser`
+      : "no image of this frame";
     const start = session.sequenceOf(frame)?.start ?? frame;
     const heat = look.layers.has("heat") && image ? inside.heat(session, frame) : null;
     paint(context, scale, {
@@ -112,7 +122,10 @@ export function stage(session, look, onProblem) {
     Object.assign(decoded, { width: image.width, height: image.height });
     decoded.style.aspectRatio = `${image.width} / ${image.height}`;
     decoded.getContext("2d")?.putImageData(image, 0, 0);
-    decoded.setAttribute("aria-label", `What the decoder makes of the keypoints of frame ${session.frameNumbers[frame]}`);
+    decoded.setAttribute(
+      "aria-label",
+      `What the decoder makes of the keypoints of frame ${session.frameNumbers[frame]}`,
+    );
   };
 
   // What the pointer is over
@@ -124,7 +137,10 @@ export function stage(session, look, onProblem) {
   const under = ({ clientX, clientY }) => {
     if (!session.scoring || !look.layers.has("keypoints")) return null;
     const bounds = canvas.getBoundingClientRect();
-    const place = placing(/** @type {HTMLCanvasElement} */ ({ width: bounds.width, height: bounds.height }), view);
+    const place = placing(
+      /** @type {HTMLCanvasElement} */ ({ width: bounds.width, height: bounds.height }),
+      view,
+    );
     const points = keypointsOf(session.selection.frame);
     let nearest = null;
     let distance = REACH;
@@ -187,11 +203,16 @@ function sizeOfPlate(session) {
 function describe(session) {
   const { object, frame } = session.selection;
   const series = session.series(object);
-  const where = `Frame ${session.frameNumbers[frame]} of sequence ${session.sequenceOf(frame)?.name}`;
+  const where =
+    `Frame ${session.frameNumbers[frame]} of sequence ` + `${session.sequenceOf(frame)?.name}`;
   if (!series) return where;
   const point = (/** @type {Float64Array} */ points) => {
     const [x, y] = points.subarray(2 * frame, 2 * frame + 2);
     return Number.isNaN(x) ? "not visible" : `at x ${x.toFixed(2)}, y ${y.toFixed(2)}`;
   };
-  return `${where}: ${session.objects[object]} ${point(series.truth)}, keypoint ${session.keypointOf(object)} ${point(series.keypoint)}, transformed ${point(series.transformed)}`;
+  return (
+    `${where}: ${session.objects[object]} ${point(series.truth)}, keypoint ` +
+    `${session.keypointOf(object)} ${point(series.keypoint)}, transformed ` +
+    `${point(series.transformed)}`
+  );
 }

@@ -82,12 +82,31 @@ export function transport(session, prepare, settings, onSetting) {
     },
   });
   speed.setAttribute("list", "speeds");
-  const speeds = h("datalist", { id: "speeds" }, ...SPEED.suggested.map((fps) => h("option", { value: String(fps) })));
-  const play = h("button", { id: "play", type: "button", class: "button round", onclick: () => setPlaying(!playing) });
-  const stepButton = (/** @type {string} */ symbol, /** @type {string} */ label, /** @type {number} */ by) =>
+  const speeds = h(
+    "datalist",
+    { id: "speeds" },
+    ...SPEED.suggested.map((fps) => h("option", { value: String(fps) })),
+  );
+  const play = h("button", {
+    id: "play",
+    type: "button",
+    class: "button round",
+    onclick: () => setPlaying(!playing),
+  });
+  const stepButton = (
+    /** @type {string} */ symbol,
+    /** @type {string} */ label,
+    /** @type {number} */ by,
+  ) =>
     h(
       "button",
-      { type: "button", class: "button round", "aria-label": label, title: label, onclick: () => moveTo(index() + by) },
+      {
+        type: "button",
+        class: "button round",
+        "aria-label": label,
+        title: label,
+        onclick: () => moveTo(index() + by),
+      },
       icon(symbol),
     );
   const element = h(
@@ -103,7 +122,13 @@ export function transport(session, prepare, settings, onSetting) {
     scrubber,
     position,
   );
-  const speedField = h("label", { class: "field" }, speed, speeds, h("span", { "aria-hidden": "true" }, "frames/s"));
+  const speedField = h(
+    "label",
+    { class: "field" },
+    speed,
+    speeds,
+    h("span", { "aria-hidden": "true" }, "frames/s"),
+  );
 
   let playing = false;
   let due = 0;
@@ -125,7 +150,10 @@ export function transport(session, prepare, settings, onSetting) {
       const interval = 1000 / settings.speed;
       // Faster than the display some frames are left out; after a longer hitch what was missed is
       // not made up for.
-      const steps = Math.min(1 + Math.floor((now - due) / interval), Math.max(1, Math.ceil(settings.speed / 10)));
+      const steps = Math.min(
+        1 + Math.floor((now - due) / interval),
+        Math.max(1, Math.ceil(settings.speed / 10)),
+      );
       due = Math.max(due + steps * interval, now);
       goTo((index() + steps) % range.length);
       for (let ahead = 1; ahead <= Math.min(AHEAD, range.length - 1); ahead++) {

@@ -1,5 +1,8 @@
 // @ts-check
-/** The frames of a sequence with the object, a keypoint and the keypoint under the fitted map, beside their plots. */
+/**
+ * The frames of a sequence with the object, a keypoint and the keypoint under the fitted map,
+ * beside their plots.
+ */
 
 import { byId, fill, h, icon } from "../ui/dom.js";
 import { significant } from "../ui/format.js";
@@ -67,7 +70,11 @@ export function showViewer(session) {
   });
   const keypoints = h("select", {
     id: "viewer-keypoint",
-    onchange: () => session.choose(session.selection.object, keypoints.value === "" ? null : Number(keypoints.value)),
+    onchange: () =>
+      session.choose(
+        session.selection.object,
+        keypoints.value === "" ? null : Number(keypoints.value),
+      ),
   });
   const trail = h(
     "select",
@@ -105,8 +112,16 @@ export function showViewer(session) {
       return [layer, { button, text }];
     }),
   );
-  const zoomButton = (/** @type {string} */ symbol, /** @type {string} */ label, /** @type {() => void} */ onclick) =>
-    h("button", { type: "button", class: "button round", "aria-label": label, title: label, onclick }, icon(symbol));
+  const zoomButton = (
+    /** @type {string} */ symbol,
+    /** @type {string} */ label,
+    /** @type {() => void} */ onclick,
+  ) =>
+    h(
+      "button",
+      { type: "button", class: "button round", "aria-label": label, title: label, onclick },
+      icon(symbol),
+    );
 
   fill(
     place,
@@ -149,8 +164,16 @@ export function showViewer(session) {
           "details",
           { class: "keys" },
           h("summary", {}, "Keys"),
-          h("dl", {}, ...KEYS.map(([keys, what]) => h("div", {}, h("dt", {}, keys), h("dd", {}, what)))),
-          h("p", {}, "The wheel zooms once the image was clicked; a keypoint is selected by a click."),
+          h(
+            "dl",
+            {},
+            ...KEYS.map(([keys, what]) => h("div", {}, h("dt", {}, keys), h("dd", {}, what))),
+          ),
+          h(
+            "p",
+            {},
+            "The wheel zooms once the image was clicked; a keypoint is selected by a click.",
+          ),
         ),
       ),
       h("div", { class: "viewer-plots" }, ...plots(session)),
@@ -160,9 +183,12 @@ export function showViewer(session) {
 
   place.addEventListener("keydown", (event) => {
     const { target, key } = event;
-    if (event.ctrlKey || event.altKey || event.metaKey || target instanceof HTMLSelectElement) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || target instanceof HTMLSelectElement)
+      return;
     if (target instanceof HTMLInputElement && target.type !== "range") return;
-    const presses = target instanceof HTMLButtonElement || (target instanceof HTMLElement && target.tagName === "SUMMARY");
+    const presses =
+      target instanceof HTMLButtonElement ||
+      (target instanceof HTMLElement && target.tagName === "SUMMARY");
     if (presses && key === " ") return;
     if (moving.key(event) || view.gesture.key(key)) event.preventDefault();
   });
@@ -186,7 +212,9 @@ export function showViewer(session) {
     fill(
       keypoints,
       h("option", { value: "" }, best),
-      ...errors.map((error, n) => h("option", { value: String(n) }, `no. ${n} · error ${significant(error)}`)),
+      ...errors.map((error, n) =>
+        h("option", { value: String(n) }, `no. ${n} · error ${significant(error)}`),
+      ),
     );
     const keypoint = session.keypointOf(session.selection.object);
     keypoints.value = keypoint === result.best_keypoint ? "" : String(keypoint);
@@ -195,7 +223,10 @@ export function showViewer(session) {
     };
     name("truth", `${result.name}, ground truth`);
     name("keypoint", keypoint === null ? "keypoint" : `keypoint ${keypoint}`);
-    name("transformed", keypoint === null ? "under the fitted map" : `keypoint ${keypoint} under the fitted map`);
+    name(
+      "transformed",
+      keypoint === null ? "under the fitted map" : `keypoint ${keypoint} under the fitted map`,
+    );
     const offer = (/** @type {Layer} */ layer, /** @type {boolean} */ possible) => {
       /** @type {{ button: HTMLElement }} */ (layers.get(layer)).button.hidden = !possible;
     };
@@ -234,7 +265,9 @@ export function showViewer(session) {
 function loadSettings() {
   const stored = load("viewer");
   const names = LAYERS.map(([layer]) => layer);
-  const kept = Array.isArray(stored.layers) ? names.filter((layer) => stored.layers.includes(layer)) : null;
+  const kept = Array.isArray(stored.layers)
+    ? names.filter((layer) => stored.layers.includes(layer))
+    : null;
   const lengths = TRAILS.map(([frames]) => frames);
   const trail = stored.trail === null ? Infinity : stored.trail;
   return {

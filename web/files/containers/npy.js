@@ -31,7 +31,8 @@ export async function imageOfArray(blob) {
   const [pixel, channel] = planes ? [size, size * width * height] : [3 * size, size];
   const image = new ImageData(width, height);
   for (let i = 0; i < width * height; i++) {
-    for (let c = 0; c < 3; c++) image.data[4 * i + c] = element(view, start + i * pixel + c * channel);
+    for (let c = 0; c < 3; c++)
+      image.data[4 * i + c] = element(view, start + i * pixel + c * channel);
     image.data[4 * i + 3] = 255;
   }
   return image;
@@ -49,6 +50,17 @@ export function arrayOfPixels({ data, width, height }) {
     rgb[to++] = data[from + 1];
     rgb[to++] = data[from + 2];
   }
-  const magic = Uint8Array.of(0x93, 0x4e, 0x55, 0x4d, 0x50, 0x59, 1, 0, text.length & 255, text.length >> 8);
+  const magic = Uint8Array.of(
+    0x93,
+    0x4e,
+    0x55,
+    0x4d,
+    0x50,
+    0x59,
+    1,
+    0,
+    text.length & 255,
+    text.length >> 8,
+  );
   return new Blob([magic, text, rgb], { type: NPY_TYPE });
 }

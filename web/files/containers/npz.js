@@ -34,7 +34,8 @@ export async function openRecording(recording) {
   if (!arrays.hasFrames && !arrays.hasPoints) {
     arrays.free();
     throw new Error(
-      `${path} has no array of frames (\`images\` or \`frames\`) or points (\`keypoints\` or \`sites\`); found ` +
+      `${path} has no array of frames (\`images\` or \`frames\`) or points (\`keypoints\` or ` +
+        `\`sites\`); found ` +
         `${found.map((name) => `\`${name}\``).join(", ") || "nothing"}`,
     );
   }
@@ -45,7 +46,10 @@ export async function openRecording(recording) {
     const head = new Uint8Array(header);
     const frames = paths.map((frame, i) => ({
       path: `${path}/${frame}`,
-      read: async () => new Blob([head, blob.slice(start + i * length, start + (i + 1) * length)], { type: NPY_TYPE }),
+      read: async () =>
+        new Blob([head, blob.slice(start + i * length, start + (i + 1) * length)], {
+          type: NPY_TYPE,
+        }),
     }));
     return { frames, arrays, error: "" };
   } catch (error) {

@@ -23,30 +23,42 @@ export async function openVideo(source) {
   const { path } = source;
   if (!("VideoDecoder" in globalThis)) {
     throw new Error(
-      `${path} cannot be decoded: this browser has no WebCodecs here. Expected Chrome or Edge 94, Firefox 130, Safari 16.4 or ` +
-        "later, and the page from https:// or localhost; or make images of the video: ffmpeg -i VIDEO frames/%06d.png",
+      `${path} cannot be decoded: this browser has no WebCodecs here. Expected Chrome or Edge ` +
+        "94, Firefox 130, Safari 16.4 or " +
+        "later, and the page from https:// or localhost; or make images of the video: ffmpeg -i " +
+        "VIDEO frames/%06d.png",
     );
   }
   const library = await import(LIBRARY.href).catch(() => null);
-  if (!library) throw new Error(`${path} cannot be opened: the page's reader of videos could not be fetched; try again`);
+  if (!library)
+    throw new Error(
+      `${path} cannot be opened: the page's reader of videos could not be fetched; try again`,
+    );
   const { ALL_FORMATS, BlobSource, EncodedPacketSink, Input, VideoSampleSink } = library;
   const input = new Input({ formats: ALL_FORMATS, source: new BlobSource(await blobOf(source)) });
   const track = await input.getPrimaryVideoTrack().catch((/** @type {unknown} */ error) => {
     const reason = error instanceof Error ? error.message : String(error);
-    throw new Error(`${path} is not a whole video (${reason}); expected MP4, WebM, MKV or MOV. Is the file complete?`);
+    throw new Error(
+      `${path} is not a whole video (${reason}); expected MP4, WebM, MKV or MOV. Is the file ` +
+        "complete?",
+    );
   });
   if (!track) throw new Error(`${path} has no video track; expected one with frames`);
   if (!(await track.canDecode())) {
     const codec = (await track.getCodecParameterString()) ?? "an unknown codec";
     throw new Error(
-      `${path} is packed by ${codec}, which this browser cannot decode. Convert it, e.g. ffmpeg -i VIDEO -c:v libvpx-vp9 ` +
+      `${path} is packed by ${codec}, which this browser cannot decode. Convert it, e.g. ffmpeg ` +
+        "-i VIDEO -c:v libvpx-vp9 " +
         "-crf 20 VIDEO.webm, or to images: ffmpeg -i VIDEO frames/%06d.png",
     );
   }
   const times = [];
-  for await (const { timestamp } of new EncodedPacketSink(track).packets(undefined, undefined, { metadataOnly: true })) {
+  for await (const { timestamp } of new EncodedPacketSink(track).packets(undefined, undefined, {
+    metadataOnly: true,
+  })) {
     times.push(timestamp);
-    if (times.length > MOST_FRAMES) throw new Error(`${path} has more than ${MOST_FRAMES} frames; cut it into several`);
+    if (times.length > MOST_FRAMES)
+      throw new Error(`${path} has more than ${MOST_FRAMES} frames; cut it into several`);
   }
   // Packets come in the order of decoding.
   times.sort((a, b) => a - b);
@@ -70,7 +82,10 @@ export function folderOf(path) {
   return path.replace(/\.[^./]*$/, "");
 }
 
-/** Reads on from the frame before where that is the one asked for, and from the key frame before otherwise. */
+/**
+ * Reads on from the frame before where that is the one asked for, and from the key frame before
+ * otherwise.
+ */
 class Reader {
   #sink;
   #times;
@@ -117,7 +132,9 @@ class Reader {
       }
       let frame;
       while (this.#next <= i) {
-        const { value, done } = await /** @type {AsyncGenerator<any, void>} */ (this.#samples).next();
+        const { value, done } = await /** @type {AsyncGenerator<any, void>} */ (
+          this.#samples
+        ).next();
         if (done || !value) throw new Error("the video ends before it");
         frame = this.#pixels(value);
         value.close();

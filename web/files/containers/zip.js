@@ -65,21 +65,31 @@ export async function unpack(blob, entry, path) {
   const ahead = LOCAL_HEADER + (isSmall ? NAMES + entry.packed : 0);
   const read = await blob.slice(entry.offset, entry.offset + ahead).arrayBuffer();
   const header = new DataView(read);
-  if (read.byteLength < LOCAL_HEADER || header.getUint32(0, true) !== LOCAL_MAGIC) throw damaged(path, "no local header");
+  if (read.byteLength < LOCAL_HEADER || header.getUint32(0, true) !== LOCAL_MAGIC)
+    throw damaged(path, "no local header");
   // Name and extra field stand here again, and need not be as long as in the directory.
   const start = LOCAL_HEADER + header.getUint16(26, true) + header.getUint16(28, true);
   const end = start + entry.packed;
   const isRead = isSmall && end <= read.byteLength;
-  const packed = isRead ? new Blob([read.slice(start, end)]) : blob.slice(entry.offset + start, entry.offset + end);
+  const packed = isRead
+    ? new Blob([read.slice(start, end)])
+    : blob.slice(entry.offset + start, entry.offset + end);
   if (packed.size !== entry.packed) throw damaged(path, "the archive ends before it does");
   if (!entry.deflated) return packed;
   const whole = new Meter(entry, path);
-  const bytes = isRead ? /** @type {ReadableStream} */ (new Response(read.slice(start, end)).body) : packed.stream();
-  const unpacked = new Response(bytes.pipeThrough(new DecompressionStream("deflate-raw")).pipeThrough(whole.stream));
+  const bytes = isRead
+    ? /** @type {ReadableStream} */ (new Response(read.slice(start, end)).body)
+    : packed.stream();
+  const unpacked = new Response(
+    bytes.pipeThrough(new DecompressionStream("deflate-raw")).pipeThrough(whole.stream),
+  );
   try {
     return isSmall ? new Blob([await unpacked.arrayBuffer()]) : await unpacked.blob();
   } catch (error) {
-    throw whole.error ?? (error instanceof DOMException ? error : damaged(path, "its packed bytes are not whole"));
+    throw (
+      whole.error ??
+      (error instanceof DOMException ? error : damaged(path, "its packed bytes are not whole"))
+    );
   }
 }
 
@@ -104,7 +114,8 @@ class Meter {
     this.stream = new TransformStream({
       transform(/** @type {Uint8Array} */ chunk, controller) {
         size += chunk.length;
-        if (size > entry.size) fail(controller, `it unpacks to more than the ${entry.size} bytes that the archive says`);
+        if (size > entry.size)
+          fail(controller, `it unpacks to more than the ${entry.size} bytes that the archive says`);
         crc = crc32(crc, chunk);
         controller.enqueue(chunk);
       },
@@ -121,7 +132,9 @@ class Meter {
  * @param {string} reason
  */
 function damaged(path, reason) {
-  return new Error(`${path} cannot be unpacked: ${reason}. Is the archive complete? Make it again.`);
+  return new Error(
+    `${path} cannot be unpacked: ${reason}. Is the archive complete? Make it again.`,
+  );
 }
 
 const CRC_TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
