@@ -75,9 +75,9 @@ function takeFiles(session) {
   };
   window.addEventListener("dragenter", (event) => isFiles(event) && over(depth + 1));
   window.addEventListener("dragleave", (event) => isFiles(event) && over(depth - 1));
-  window.addEventListener("drop", async (event) => {
+  window.addEventListener("drop", (event) => {
     over(0);
-    if (event.dataTransfer && isFiles(event)) void session.add(await fromDrop(event.dataTransfer));
+    if (event.dataTransfer && isFiles(event)) void session.add(fromDrop(event.dataTransfer));
   });
 }
 
@@ -89,10 +89,10 @@ function takeFiles(session) {
 function showState(session) {
   const main = byId("main");
   const update = () => {
-    const taken = session.entries.length + session.images.size + session.containers.length > 0;
+    const taken = session.library.size > 0;
     const before = main.dataset.state;
     let state = taken ? "waiting" : "empty";
-    if (session.evaluation) state = "scored";
+    if (session.score.evaluation) state = "scored";
     if (session.extraction?.status === "running") state = "extracting";
     if (session.reading) state = "reading";
     if (state === before) return;
@@ -101,8 +101,7 @@ function showState(session) {
     byId("workspace").hidden = state === "empty";
     if (state === "empty") announce("");
   };
-  for (const topic of ["files", "reading", "extraction", "scoring", "evaluation"]) {
-    session.addEventListener(topic, update);
-  }
+  for (const topic of ["files", "reading", "extraction"]) session.addEventListener(topic, update);
+  for (const topic of ["scoring", "evaluation"]) session.score.addEventListener(topic, update);
   update();
 }

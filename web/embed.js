@@ -5,6 +5,7 @@
  * docs/embedding.md.
  */
 
+import { messageOf } from "./errors.js";
 import { byId, h } from "./ui/dom.js";
 import { version } from "./pkg/index.js";
 
@@ -55,8 +56,8 @@ export function embed(session, origin) {
 
   const complain = () => {
     const problems = [
-      ...Array.from(session.problems.values(), ({ text }) => text),
-      ...session.broken.map(({ error }) => error),
+      ...session.problems.all.map(({ text }) => text),
+      ...session.library.broken.map(({ error }) => error),
       ...session.needs.filter(({ met }) => !met).map(({ label }) => `needed for a score: ${label}`),
     ];
     say({ type: "problem", problems });
@@ -79,14 +80,14 @@ export function embed(session, origin) {
       if (data.type === "open") session.clear();
       applyOptions(session, data.options ?? {});
       await session.add(sources);
-      if (!session.evaluation && session.extraction?.status !== "running") complain();
+      if (!session.score.evaluation && session.extraction?.status !== "running") complain();
     } catch (error) {
-      say({ type: "problem", problems: [error instanceof Error ? error.message : String(error)] });
+      say({ type: "problem", problems: [messageOf(error)] });
     }
   });
 
-  session.addEventListener("evaluation", () => {
-    if (session.evaluation) say({ type: "result", evaluation: session.evaluation });
+  session.score.addEventListener("evaluation", () => {
+    if (session.score.evaluation) say({ type: "result", evaluation: session.score.evaluation });
   });
   session.addEventListener("extraction", () => {
     const { extraction, frameSources } = session;
@@ -131,7 +132,7 @@ function filesOf(files) {
  */
 function applyOptions(session, { transform, rank, thresholds }) {
   if (transform || rank)
-    session.setOptions({ ...(transform && { transform }), ...(rank && { rank }) });
+    session.score.setOptions({ ...(transform && { transform }), ...(rank && { rank }) });
   for (const [object, threshold] of Object.entries(thresholds ?? {}))
-    session.setThreshold(object, threshold);
+    session.score.setThreshold(object, threshold);
 }

@@ -5,23 +5,21 @@
  * else to compare.
  */
 
-import init, { Comparison, Scoring } from "../pkg/index.js";
+import init, { Comparison } from "../pkg/index.js";
 import { messageOf } from "../errors.js";
+import { contentOf, extractionOf, savedOf } from "../files/entry.js";
 import { bytesOf, mapBounded, readError } from "../files/sources.js";
-import { count, significant } from "../ui/format.js";
+import { doubtsOf, isPending, scoreDetector } from "./detectors.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
- * @typedef {import("../files/intake.js").Entry} Entry
- * @typedef {import("../extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("../files/entry.js").Entry} Entry
  * @typedef {import("../files/runs.js").RunFolder} RunFolder
- * @typedef {import("../files/saved.js").SavedEvaluation} SavedEvaluation
+ * @typedef {import("./detectors.js").Detector} Detector
+ * @typedef {import("../extraction/extraction.js").Extraction} Extraction
  * @typedef {import("../pkg/index.js").Compared} Compared
  * @typedef {import("../pkg/index.js").Evaluation} Evaluation
  * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
- *
- * One that is scored.
- * @typedef {{ name: string, evaluation: Evaluation, architecture?: string }} Detector
  */
 
 const READERS = 8;
@@ -31,6 +29,13 @@ export class RunsComparison extends EventTarget {
   reading = null;
   /** @type {RunDataSet[]} */
   dataSets = [];
+  /**
+   * The extraction of pending checkpoints, while it runs.
+   * @type {{ path: string, done: number, total: number, rate: number } | null}
+   */
+  extracting = null;
+  /** Why checkpoints could not be extracted, by path. @type {Map<string, string>} */
+  failed = new Map();
   /** Folders that cannot be read. @type {{ name: string, reason: string }[]} */
   unread = [];
   /** Checkpoints whose keypoints are not extracted, which so cannot be compared. @type {Entry[]} */
@@ -49,6 +54,7 @@ export class RunsComparison extends EventTarget {
   doubts = [];
   /** Why nothing is compared. */
   error = "";
+  /** `groupBy` is for trainings; scored detectors are compared one by one. */
   options = { dataSet: 0, groupBy: "settings" };
 
   /**
@@ -69,16 +75,21 @@ export class RunsComparison extends EventTarget {
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
   #scheduled = false;
+  /** @type {Extraction | null} */
+  #running = null;
+  #isCancelled = false;
 
   /** @param {Session} session */
   constructor(session) {
     super();
     this.#session = session;
-    for (const topic of ["files", "scoring", "evaluation", "extraction"]) {
-      session.addEventListener(topic, () => {
-        // Every frame of a running one says so.
-        if (topic !== "extraction" || session.extraction?.status !== "running") this.#schedule();
-      });
+    session.addEventListener("files", () => this.#schedule());
+    session.addEventListener("extraction", () => {
+      // A running extraction says so at every frame.
+      if (session.extraction?.status !== "running") this.#schedule();
+    });
+    for (const topic of ["scoring", "evaluation"]) {
+      session.score.addEventListener(topic, () => this.#schedule());
     }
   }
 
@@ -88,14 +99,15 @@ export class RunsComparison extends EventTarget {
   }
 
   get #saved() {
-    return this.#session.entries.filter(
-      ({ content, role }) => content !== null && role === "result",
-    );
+    return this.#session.library.entries.flatMap((entry) => {
+      const saved = savedOf(entry);
+      return saved ? [{ path: entry.path, evaluation: saved.evaluation }] : [];
+    });
   }
 
   /** The number of run folders. */
   get size() {
-    return this.#session.runs.size;
+    return this.#session.library.runs.size;
   }
 
   /** Removes the folders of runs. */
@@ -112,18 +124,38 @@ export class RunsComparison extends EventTarget {
 
   /** Extracts the keypoints of the checkpoints that have none yet, one after the other. */
   async extract() {
-    for (const { extraction } of this.pending) {
-      if (extraction?.status === "running") continue;
-      await extraction?.run(this.#session.frameSources, () =>
-        this.dispatchEvent(new Event("progress")),
-      );
+    if (this.extracting) return;
+    const { frameSources } = this.#session;
+    this.#isCancelled = false;
+    for (const entry of this.pending) {
+      const { path } = entry;
+      const extraction = extractionOf(entry);
+      if (!extraction || this.#isCancelled || extraction.status === "running") continue;
+      const progress = () => {
+        const done = frameSources.length - extraction.pending(frameSources).length;
+        this.extracting = { path, done, total: frameSources.length, rate: extraction.rate };
+        this.dispatchEvent(new Event("progress"));
+      };
+      this.#running = extraction;
+      progress();
+      await extraction.run(frameSources, progress);
+      if (extraction.status === "failed") this.failed.set(path, extraction.error);
+      else this.failed.delete(path);
     }
+    this.#running = null;
+    this.extracting = null;
     this.#schedule();
+  }
+
+  /** Stops extracting; the frames done are kept. */
+  cancel() {
+    this.#isCancelled = true;
+    this.#running?.stop("cancelled");
   }
 
   /** Reads the folders that are new, and forgets those that are gone. */
   async #read() {
-    const { runs } = this.#session;
+    const { runs } = this.#session.library;
     for (const name of this.#runs.keys()) if (!runs.has(name)) this.#runs.delete(name);
     const unread = [...runs].filter(([name, folder]) => this.#runs.get(name)?.folder !== folder);
     let done = 0;
@@ -170,6 +202,9 @@ export class RunsComparison extends EventTarget {
 
   async #compare() {
     const detectors = this.#detectors();
+    // What is dropped on the example is compared with it: it is small.
+    const isNew = this.pending.some((entry) => extractionOf(entry)?.status === "idle");
+    if (this.#session.origin && this.#session.score.scoring && isNew) void this.extract();
     const parts = [
       ...this.#runs.values(),
       ...detectors.flatMap(({ name, evaluation }) => [name, evaluation]),
@@ -190,13 +225,15 @@ export class RunsComparison extends EventTarget {
     this.options.dataSet = this.dataSets.indexOf(set);
     const known = ["settings", "architecture", "name", ...set.settings];
     if (!known.includes(this.options.groupBy)) this.options.groupBy = "settings";
-    const given = Object.entries(this.#thresholds());
-    const thresholds = Object.fromEntries(given.filter(([object]) => set.objects.includes(object)));
+    const given = [...this.#thresholds()].filter(([object]) => set.objects.includes(object));
+    const thresholds = Object.fromEntries(given);
+    // Which settings of detectors differ is not known.
+    const groupBy = set.trained ? this.options.groupBy : "name";
     const before = this.compared;
     this.compared = null;
     before?.free();
     try {
-      this.compared = this.#comparison.compare({ ...this.options, thresholds });
+      this.compared = this.#comparison.compare({ ...this.options, groupBy, thresholds });
     } catch (error) {
       this.error = messageOf(error);
     }
@@ -232,45 +269,9 @@ export class RunsComparison extends EventTarget {
    * display.
    */
   #thresholds() {
-    const { scoring, options, saved } = this.#session;
-    if (scoring || !saved) return options.thresholds ?? {};
-    return Object.fromEntries(
-      saved.evaluation.objects.map(({ name, threshold }) => [name, threshold]),
-    );
-  }
-
-  /**
-   * What saved evaluations differ in, so that their errors say less about the detectors.
-   * @param {Detector[]} detectors
-   */
-  #doubt(detectors) {
-    const differing = (
-      /** @type {string} */ what,
-      /** @type {(evaluation: Evaluation) => string} */ of,
-    ) => {
-      const values = new Set(detectors.map(({ evaluation }) => of(evaluation)));
-      return values.size > 1 ? [`${what}: ${[...values].join(", ")}`] : [];
-    };
-    const names = new Set(
-      detectors.flatMap(({ evaluation }) => evaluation.objects.map(({ name }) => name)),
-    );
-    const threshold =
-      (/** @type {string} */ name) =>
-      (/** @type {Evaluation} */ { objects }) =>
-        significant(objects.find((object) => object.name === name)?.threshold);
-    return [
-      ...differing("These evaluations are of different numbers of frames", ({ frames }) =>
-        count(frames, "frame"),
-      ),
-      ...differing("These evaluations differ in their rank rule", ({ rank }) => rank),
-      ...[...names].flatMap((name) =>
-        differing(
-          `These evaluations were saved with different thresholds for ${name}, of which one ` +
-            "counts for all here",
-          threshold(name),
-        ),
-      ),
-    ];
+    const { scoring, options, saved } = this.#session.score;
+    if (scoring || !saved) return options.thresholds;
+    return new Map(saved.evaluation.objects.map(({ name, threshold }) => [name, threshold]));
   }
 
   /**
@@ -278,94 +279,53 @@ export class RunsComparison extends EventTarget {
    * and saved evaluations.
    */
   #detectors() {
-    const { truth, frames, frameSources, entries, options } = this.#session;
+    const session = this.#session;
+    const { entries } = session.library;
     this.pending = [];
     this.unscored = [];
     this.doubts = [];
     /** @type {Detector[]} */
     const detectors = [];
-    for (const entry of this.#scores.keys())
+    for (const entry of this.#scores.keys()) {
       if (!entries.includes(entry)) this.#scores.delete(entry);
-    const isDetector = (/** @type {Entry} */ { content, role }) =>
-      content !== null && (role === "keypoints" || role === "checkpoint");
-    const candidates = truth ? entries.filter(isDetector) : [];
+    }
+    const candidates = entries.filter((entry) => session.isCompared(entry));
     const saved = this.#saved;
     // One detector is no comparison: the page shows its score anyway.
     if (candidates.length + saved.length < 2) return detectors;
     for (const entry of candidates) {
-      const { content, extraction } = entry;
-      if (entry.role === "checkpoint") {
-        if (!frames || !extraction) continue;
-        if (extraction.pending(frameSources).length > 0) {
-          this.pending.push(entry);
-          continue;
-        }
+      if (isPending(session, entry)) {
+        this.pending.push(entry);
+        continue;
       }
-      const asked = [
-        content,
-        truth,
-        JSON.stringify(options),
-        ...(extraction ? [frames, extraction.extracted.size] : []),
-      ];
-      let score = this.#scores.get(entry);
-      if (!score || asked.some((value, i) => value !== score?.asked[i])) {
-        score = { asked, ...this.#score(entry) };
-        this.#scores.set(entry, score);
-      }
+      const { evaluation, reason } = this.#scoreOf(entry);
+      const content = contentOf(entry);
       const architecture =
-        entry.role === "checkpoint"
-          ? /** @type {OpenEncoder} */ (entry.content).info.architecture
-          : undefined;
-      if (score.evaluation)
-        detectors.push({ name: entry.path, evaluation: score.evaluation, architecture });
-      else this.unscored.push({ name: entry.path, reason: score.reason });
+        content?.kind === "checkpoint" ? content.encoder.info.architecture : undefined;
+      if (evaluation) detectors.push({ name: entry.path, evaluation, architecture });
+      else this.unscored.push({ name: entry.path, reason });
     }
-    for (const { path, content } of saved) {
-      detectors.push({
-        name: path,
-        evaluation: /** @type {SavedEvaluation} */ (content).evaluation,
-      });
-    }
-    if (saved.length > 0) this.doubts = this.#doubt(detectors);
+    for (const { path, evaluation } of saved) detectors.push({ name: path, evaluation });
+    if (saved.length > 0) this.doubts = doubtsOf(detectors);
     return detectors;
   }
 
-  /**
-   * @param {Entry} entry
-   * @returns {{ evaluation: Evaluation | null, reason: string }}
-   */
-  #score({ role, content, extraction }) {
-    const { truth, frames, frameSources, options } = this.#session;
-    /** @type {{ free(): void }[]} */
-    const made = [];
-    try {
-      let table = /** @type {import("../pkg/index.js").KeypointTable} */ (content);
-      if (role === "checkpoint") {
-        const found = extraction?.collect(
-          /** @type {import("../pkg/index.js").FrameIndex} */ (frames),
-          frameSources,
-        );
-        if (!found) throw new Error("no frame has keypoints");
-        made.push(found.table, ...(found.selected ? [found.selected] : []));
-        table = found.table;
-      }
-      const scoring = new Scoring(
-        /** @type {import("../pkg/index.js").GroundTruthTable} */ (truth),
-        table,
-      );
-      made.push(scoring);
-      const thresholds = Object.entries(options.thresholds ?? {}).filter(([name]) =>
-        scoring.objects.includes(name),
-      );
-      const evaluation = scoring.evaluate({
-        ...options,
-        thresholds: Object.fromEntries(thresholds),
-      });
-      return { evaluation, reason: "" };
-    } catch (error) {
-      return { evaluation: null, reason: messageOf(error) };
-    } finally {
-      for (const each of made) each.free();
+  /** @param {Entry} entry */
+  #scoreOf(entry) {
+    const { truth, frames, score } = this.#session;
+    const { transform, rank, thresholds } = score.options;
+    const extraction = extractionOf(entry);
+    const asked = [
+      contentOf(entry),
+      truth,
+      JSON.stringify([transform, rank, ...thresholds]),
+      ...(extraction ? [frames, extraction.extracted.size] : []),
+    ];
+    let known = this.#scores.get(entry);
+    if (!known || asked.some((value, i) => value !== known?.asked[i])) {
+      known = { asked, ...scoreDetector(this.#session, entry) };
+      this.#scores.set(entry, known);
     }
+    return known;
   }
 }

@@ -3,7 +3,7 @@
 
 import { announce, byId, fill, h, icon, notice } from "../ui/dom.js";
 import { save } from "../ui/download.js";
-import { baseName, count, fixed, integer, significant } from "../ui/format.js";
+import { baseName, count, duration, fixed, integer, significant } from "../ui/format.js";
 import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
@@ -82,7 +82,8 @@ export function showComparison(comparison) {
   };
   comparison.addEventListener("change", rebuild);
   comparison.addEventListener("progress", () => {
-    const { reading } = comparison;
+    const { reading, extracting } = comparison;
+    if (extracting) showProgress(place, extracting, rebuild);
     const line = place.querySelector(".comparison-summary");
     if (reading && line)
       line.textContent = `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}`;
@@ -149,6 +150,67 @@ function settings(comparison) {
 }
 
 /**
+ * Checkpoints without keypoints: the way to them, or how far the extraction is.
+ * @param {RunsComparison} comparison
+ */
+function pendingNotice(comparison) {
+  const { extracting, failed, pending } = comparison;
+  if (extracting) {
+    return h(
+      "div",
+      { id: "compare-extracting", class: "work" },
+      h("p", {}, `Extracting keypoints with ${baseName(extracting.path)}`),
+      h("progress", { max: extracting.total, value: extracting.done, "aria-label": "Extraction" }),
+      h("p", { class: "progress-text" }, progressText(extracting)),
+      h(
+        "button",
+        {
+          id: "compare-cancel",
+          type: "button",
+          class: "button",
+          onclick: () => comparison.cancel(),
+        },
+        "Cancel",
+      ),
+    );
+  }
+  const files = pending.map(({ path }) => baseName(path)).join(", ");
+  const reasons = pending.flatMap(({ path }) => failed.get(path) ?? []);
+  const text =
+    `${count(pending.length, "checkpoint")} without keypoints of these frames: ` + `${files}.`;
+  return notice(reasons.length > 0 ? "warning" : "info", [text, ...reasons].join(" "), {
+    action: {
+      label: pending.length === 1 ? "Extract them" : "Extract them all",
+      run: () => void comparison.extract(),
+    },
+  });
+}
+
+/** @param {{ done: number, total: number, rate: number }} extracting */
+function progressText({ done, total, rate }) {
+  const frames = `${integer(done)} of ${count(total, "frame")}`;
+  return rate === 0 ? frames : `${frames} · ${duration((total - done) / rate)} left`;
+}
+
+/**
+ * @param {HTMLElement} place
+ * @param {NonNullable<RunsComparison["extracting"]>} extracting
+ * @param {() => void} rebuild shows the progress where there is none yet
+ */
+function showProgress(place, extracting, rebuild) {
+  const shown = place.querySelector("#compare-extracting");
+  const name = `Extracting keypoints with ${baseName(extracting.path)}`;
+  if (!shown || shown.firstElementChild?.textContent !== name) {
+    rebuild();
+    return;
+  }
+  const progress = /** @type {HTMLProgressElement} */ (shown.querySelector("progress"));
+  progress.value = extracting.done;
+  const line = /** @type {HTMLElement} */ (shown.querySelector(".progress-text"));
+  line.textContent = progressText(extracting);
+}
+
+/**
  * @param {RunsComparison} comparison
  * @param {RunDataSet | undefined} set
  * @param {RunsReport | null} report
@@ -164,18 +226,7 @@ function notices(comparison, set, report) {
           `${more.join("; ")}. One is shown at a time.`,
       ),
     error && notice("error", error),
-    pending.length > 0 &&
-      notice(
-        "info",
-        `${count(pending.length, "checkpoint")} without keypoints of these frames yet: ` +
-          `${pending.map(({ path }) => baseName(path)).join(", ")}.`,
-        {
-          action: {
-            label: pending.length === 1 ? "Extract them" : "Extract them all",
-            run: () => void comparison.extract(),
-          },
-        },
-      ),
+    pending.length > 0 && pendingNotice(comparison),
     ...unscored.map(({ name, reason }) => notice("warning", `${name} cannot be scored: ${reason}`)),
     ...(report?.notes ?? []).map((note) => notice("warning", `${note}.`)),
     ...doubts.map((text) => notice("warning", `${text}.`)),

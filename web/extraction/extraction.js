@@ -4,6 +4,7 @@
  * others.
  */
 
+import { messageOf } from "../errors.js";
 import { KeypointTable } from "../pkg/index.js";
 
 /**
@@ -13,6 +14,9 @@ import { KeypointTable } from "../pkg/index.js";
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
  * @typedef {"idle" | "running" | "cancelled" | "failed"} Status
  */
+
+/** Seconds of a run before its rate means anything: workers are still starting. */
+const ESTIMATE_AFTER = 1;
 
 /** Results are kept by path, so a run that was cancelled goes on where it stopped. */
 export class Extraction {
@@ -78,7 +82,7 @@ export class Extraction {
     } catch (error) {
       if (abort.signal.aborted) return false;
       this.status = "failed";
-      this.error = error instanceof Error ? error.message : String(error);
+      this.error = messageOf(error);
       return false;
     }
   }
@@ -126,9 +130,22 @@ export class Extraction {
     this.failures.delete(path);
   }
 
-  /** Frames a second in this run, 0 before the first one is done. */
+  /**
+   * Keeps the result of a frame whose image has another path now.
+   * @param {string} before
+   * @param {string} path
+   */
+  move(before, path) {
+    const extracted = this.extracted.get(before);
+    if (extracted) this.extracted.set(path, extracted);
+    const failure = this.failures.get(before);
+    if (failure !== undefined) this.failures.set(path, failure);
+    this.forget(before);
+  }
+
+  /** Frames per second in this run; 0 until it can be estimated. */
   get rate() {
     const seconds = (performance.now() - this.#started) / 1000;
-    return this.#doneInRun > 0 ? this.#doneInRun / seconds : 0;
+    return this.#doneInRun > 0 && seconds >= ESTIMATE_AFTER ? this.#doneInRun / seconds : 0;
   }
 }

@@ -4,6 +4,7 @@
  * batch of frames at a time.
  */
 
+import { messageOf } from "../errors.js";
 import init, { Gpu } from "../pkg/gpu.js";
 
 /**
@@ -41,7 +42,7 @@ self.onmessage = async (/** @type {MessageEvent<Request>} */ { data }) => {
     self.postMessage({
       id,
       type: "failed",
-      message: error instanceof Error ? error.message : String(error),
+      message: messageOf(error),
     });
   }
 };

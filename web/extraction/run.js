@@ -5,6 +5,8 @@
  * reported as failed.
  */
 
+import { messageOf } from "../errors.js";
+
 /**
  * @typedef {import("./line.js").Line} Line
  * @typedef {import("./line.js").Result} Result
@@ -163,7 +165,7 @@ export class Run {
         },
         (error) => {
           this.#starting--;
-          this.#refusal = error instanceof Error ? error.message : String(error);
+          this.#refusal = messageOf(error);
           // What keeps one from starting would keep the next one too.
           this.#limit = this.#lines.size + this.#starting;
           this.#advance();

@@ -24,8 +24,10 @@ export function showExtraction(session) {
   const update = () => {
     const { extraction, frameSources } = session;
     const nothing = !extraction || frameSources.length === 0;
-    // Once there is a score, only frames that are missing in it are worth a word.
-    place.hidden = nothing || (session.scoring !== null && extraction.failures.size === 0);
+    // Once there is a score, only frames that are missing in it matter.
+    const isComplete = extraction?.pending(frameSources).length === 0;
+    const isScored = session.score.scoring !== null && extraction?.failures.size === 0;
+    place.hidden = nothing || (isComplete && isScored);
     if (nothing) {
       shown = "";
       return;
@@ -53,7 +55,7 @@ export function showExtraction(session) {
       return;
     }
     const state =
-      `${status} ${done} ${total} ${session.scoring !== null} ` + `${session.table !== null}`;
+      `${status} ${done} ${total} ${session.score.scoring !== null} ` + `${session.table !== null}`;
     if (state === shown) return;
     const finished = shown === "running";
     const hadFocus = place.contains(document.activeElement);
@@ -96,10 +98,7 @@ function settled(session, status, done, total) {
         start("Extract keypoints"),
       ];
     case "cancelled":
-      return [
-        h("p", {}, `Cancelled after ${integer(done)} of ${count(total, "frame")}; these are kept.`),
-        start("Continue"),
-      ];
+      return cancelled(session, done, total);
     case "failed":
       return [notice("error", session.extraction?.error ?? ""), start("Try again")];
     default:
@@ -111,12 +110,41 @@ function settled(session, status, done, total) {
           `Keypoints of ${count(session.extraction?.extracted.size ?? 0, "frame")} are there.`,
         ),
         session.table &&
-          !session.scoring &&
+          !session.score.scoring &&
           button("save-keypoints-only", "Save keypoints as CSV", () =>
             save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
           ),
       ];
   }
+}
+
+/**
+ * @param {Session} session
+ * @param {number} done
+ * @param {number} total
+ */
+function cancelled(session, done, total) {
+  const { extraction } = session;
+  const usable = extraction?.extracted.size ?? 0;
+  const isScored = session.score.scoring !== null;
+  const frames = `${integer(done)} of ${count(total, "frame")}`;
+  const text = isScored
+    ? `The score is of ${frames}.`
+    : `Cancelled after ${frames}; these are kept.`;
+  return [
+    h("p", {}, text),
+    h(
+      "div",
+      { class: "actions" },
+      button("extract", "Continue", () => void session.extract()),
+      usable > 0 &&
+        session.truth !== null &&
+        !isScored &&
+        button("score-partial", `Score these ${integer(usable)}`, () => {
+          void session.scorePartially();
+        }),
+    ),
+  ];
 }
 
 /** @param {Map<string, string>} failed */

@@ -4,6 +4,7 @@
  * time.
  */
 
+import { messageOf } from "../errors.js";
 import { PartError, decodable, memoryOfDecoding } from "./decodable.js";
 import init, { Encoder, extractionMemory } from "../pkg/index.js";
 
@@ -80,7 +81,7 @@ async function answer(request, bytes) {
       memory: extractionMemory() + memoryOfDecoding(),
     };
   } catch (error) {
-    const message = error instanceof Error ? error.message : String(error);
+    const message = messageOf(error);
     if (error instanceof PartError) return { type: "lacking", message };
     if (!(error instanceof WebAssembly.RuntimeError)) return { type: "failed", message };
     // After a trap the instance is in an unknown state.

@@ -1,46 +1,18 @@
 // @ts-check
-/**
- * What dropped files are: containers are opened, everything else is read as what it is taken for.
- */
+/** Identifies dropped files: containers are opened, everything else gets the role it is read in. */
 
-import { GroundTruthTable, KeypointTable, classify } from "../pkg/index.js";
+import { classify } from "../pkg/index.js";
+import { count } from "../ui/format.js";
 import { openRecording } from "./containers/npz.js";
 import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
-import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
-import { count } from "../ui/format.js";
+import { entryOf } from "./entry.js";
 import { splitRuns } from "./runs.js";
+import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
 
 /**
+ * @typedef {import("./entry.js").Entry} Entry
  * @typedef {import("./sources.js").Source} Source
- * @typedef {import("../pkg/index.js").Arrays} Arrays
- * @typedef {import("../extraction/extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("../pkg/index.js").TableOptions} TableOptions
- * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot what of each there is used
- * one
- *
- * A file that is no image.
- * @typedef {object} Entry
- * @property {string} path
- * @property {Source} source
- * @property {Blob} blob the content; empty where it could not be unpacked
- * @property {Slot | "unknown"} role
- * @property {boolean} isGuess whether the role rests on nothing but the usual case
- * @property {boolean} isSaid whether the user said what it is
- * @property {string} reason why it was taken for that
- * @property {TableOptions} options what the user said of its numbers
- * @property {Arrays | null} arrays of a recording, whose points it is
- * @property {"new" | "used" | "spare" | "broken" | "unknown"} state new: not parsed yet
- * @property {boolean} wanted whether it takes the place of another one of its kind once it is
- * parsed
- * @property {[number, number] | undefined} imageSize with which it was parsed
- * @property {GroundTruthTable | OpenEncoder | KeypointTable | import("./saved.js").SavedEvaluation
- * | null} content
- * @property {string} error why it is broken
- * @property {boolean} lacksSize whether it is broken only because the size of the images is not
- * known
- * @property {string[]} notices
- * @property {import("../extraction/extraction.js").Extraction | null} extraction of a checkpoint
  *
  * A file with others in it.
  * @typedef {object} Container
@@ -48,8 +20,9 @@ import { splitRuns } from "./runs.js";
  * @property {string} folder where its files are
  * @property {"archive" | "recording" | "video"} kind
  * @property {string} contents in words
- * @property {string} error why it cannot be used at all
+ * @property {string} error why it cannot be used at all; empty once the user has dismissed it
  * @property {string[]} problems what of it cannot be used
+ * @property {() => void} close gives back what reading from it holds
  *
  * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string,
  * import("./runs.js").RunFolder> }} Found
@@ -60,6 +33,8 @@ const READERS = 8;
 const HEAD_BYTES = 4096;
 /** Archives around an archive. */
 const MAX_DEPTH = 2;
+/** Names of files that are meant to be read. */
+const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|npz|zip)$/i;
 const NOTHING = new Uint8Array();
 /** @type {Readonly<Found>} */
 const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map() };
@@ -77,7 +52,7 @@ export async function identify(sources, onProgress, depth = 0) {
   const found = { images: [], entries: [], containers: [], runs };
   const others = [];
   for (const source of rest) {
-    // Images are told by their names: most of the files are images, and none is opened for it.
+    // Most files are images. Their names identify them, so that none is opened for it.
     if (classify(source.path, NOTHING).role === "image") found.images.push(source);
     else others.push(source);
   }
@@ -104,9 +79,9 @@ export async function identify(sources, onProgress, depth = 0) {
 async function open(source, depth) {
   const { path } = source;
   try {
-    const blob = await blobOf(source);
-    const unpacked = { path, blob };
-    const { role, reason, guess } = classify(path, await bytesOf(unpacked, HEAD_BYTES));
+    const unpacked = { path, blob: await blobOf(source) };
+    const head = await bytesOf(unpacked, HEAD_BYTES);
+    const { role, reason, guess } = classify(path, head);
     switch (role) {
       case "archive":
         return await inArchive(unpacked, depth);
@@ -115,15 +90,40 @@ async function open(source, depth) {
       case "video":
         return await inVideo(unpacked);
       case "image":
-        return only(entryOf(source, "unknown", reason, false));
+      case "unknown":
+        if (NAMED.test(path)) refuseUnreadable(path, head);
+        // The content of a file that is not used need not be kept.
+        return only(entryOf(source, { role: "unknown", by: "file", reason }));
       default:
-        // What is not used need not be kept unpacked.
-        return only(entryOf(role === "unknown" ? source : unpacked, role, reason, guess));
+        refuseUnreadable(path, head);
+        return only(entryOf(unpacked, { role, by: guess ? "guess" : "file", reason }));
     }
   } catch (error) {
-    const entry = entryOf(source, "unknown", "", false);
-    return only({ ...entry, state: "broken", error: readError(error, path) });
+    const entry = entryOf(source, { role: "unknown", by: "file", reason: "" });
+    const parsed = /** @type {const} */ ({ state: "broken", cause: null });
+    return only({ ...entry, parsed: { ...parsed, error: readError(error, path) } });
   }
+}
+
+/**
+ * Rejects a file whose true fault the reader of its format would not name.
+ * @param {string} path
+ * @param {Uint8Array} head
+ */
+function refuseUnreadable(path, head) {
+  if (head.length === 0) throw new Error(`${path} is empty; expected a file with content`);
+  const isUtf16 = (head[0] === 0xff && head[1] === 0xfe) || (head[0] === 0xfe && head[1] === 0xff);
+  if (isUtf16) throw new Error(`${path} is text in UTF-16; save it as UTF-8`);
+}
+
+/**
+ * @param {Container["kind"]} kind
+ * @param {string} path
+ * @param {string} [folder]
+ * @returns {Container}
+ */
+function containerOf(kind, path, folder = path) {
+  return { path, folder, kind, contents: "", error: "", problems: [], close: () => {} };
 }
 
 /**
@@ -132,30 +132,26 @@ async function open(source, depth) {
  * @returns {Promise<Found>}
  */
 async function inArchive(archive, depth) {
-  /** @type {Container} */
-  const container = {
-    path: archive.path,
-    folder: archive.path,
-    kind: "archive",
-    contents: "",
-    error: "",
-    problems: [],
-  };
+  const { path } = archive;
+  const container = containerOf("archive", path);
   /** @type {Found} */
   let found = { ...NOTHING_FOUND };
   try {
     if (depth > MAX_DEPTH) {
       throw new Error(
-        `${archive.path} lies in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack ` +
+        `${path} is nested in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack ` +
           "the outer one",
       );
     }
     const { sources, problems } = await openArchive(archive);
     container.contents = count(sources.length, "file");
     container.problems = problems;
+    if (sources.length === 0 && problems.length > 0) {
+      throw new Error(`no file in ${path} can be unpacked: ${problems[0]}`);
+    }
     found = await identify(sources, () => {}, depth + 1);
   } catch (error) {
-    container.error = readError(error, archive.path);
+    container.error = readError(error, path);
   }
   return { ...found, containers: [container, ...found.containers] };
 }
@@ -166,23 +162,16 @@ async function inArchive(archive, depth) {
  * @returns {Promise<Found>}
  */
 async function inRecording(recording, reason) {
-  /** @type {Container} */
-  const container = {
-    path: recording.path,
-    folder: recording.path,
-    kind: "recording",
-    contents: "",
-    error: "",
-    problems: [],
-  };
+  const container = containerOf("recording", recording.path);
   try {
     const { frames, arrays, error } = await openRecording(recording);
     container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
     if (error) container.problems.push(error);
     const entries = [];
     if (arrays.hasPoints) {
-      const points = entryOf(recording, "ground-truth", `points of a recording; ${reason}`, true);
-      entries.push({ ...points, arrays });
+      const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
+      const grounds = `points of a recording; ${reason}`;
+      entries.push(entryOf(recording, { ...taken, reason: grounds }, arrays));
       container.contents += " and points";
     } else arrays.free();
     return { ...NOTHING_FOUND, images: frames, entries, containers: [container] };
@@ -197,23 +186,14 @@ async function inRecording(recording, reason) {
  * @returns {Promise<Found>}
  */
 async function inVideo(video) {
-  /** @type {Container} */
-  const container = {
-    path: video.path,
-    folder: folderOf(video.path),
-    kind: "video",
-    contents: "",
-    error: "",
-    problems: [],
-  };
+  const container = containerOf("video", video.path, folderOf(video.path));
   try {
-    const { frames, contents } = await openVideo(video);
-    return { ...NOTHING_FOUND, images: frames, containers: [{ ...container, contents }] };
+    const { frames, contents, close } = await openVideo(video);
+    Object.assign(container, { contents, close });
+    return { ...NOTHING_FOUND, images: frames, containers: [container] };
   } catch (error) {
-    return {
-      ...NOTHING_FOUND,
-      containers: [{ ...container, error: readError(error, video.path) }],
-    };
+    container.error = readError(error, video.path);
+    return { ...NOTHING_FOUND, containers: [container] };
   }
 }
 
@@ -223,82 +203,4 @@ async function inVideo(video) {
  */
 function only(entry) {
   return { ...NOTHING_FOUND, entries: [entry] };
-}
-
-/**
- * @param {Source} source
- * @param {Entry["role"]} role
- * @param {string} reason
- * @param {boolean} isGuess
- * @returns {Entry}
- */
-function entryOf(source, role, reason, isGuess) {
-  return {
-    path: source.path,
-    source,
-    blob: "blob" in source ? source.blob : new Blob(),
-    role,
-    isGuess,
-    isSaid: false,
-    reason,
-    options: {},
-    arrays: null,
-    state: "new",
-    wanted: false,
-    imageSize: undefined,
-    content: null,
-    error: "",
-    lacksSize: false,
-    notices: [],
-    extraction: null,
-  };
-}
-
-/**
- * Whether an entry is to be parsed: it is new, or it depends on the size of the images, and that is
- * another one now.
- * @param {Entry} entry
- * @param {[number, number] | undefined} imageSize
- */
-export function needsParsing({ role, state, content, imageSize: before }, imageSize) {
-  if (state === "new") return true;
-  if ((role !== "ground-truth" && role !== "keypoints") || String(before) === String(imageSize))
-    return false;
-  return content === null || (isTable(content) && content.reading.space.value === "px");
-}
-
-/**
- * @param {Entry["content"]} content
- * @returns {content is GroundTruthTable | KeypointTable}
- */
-export function isTable(content) {
-  return content instanceof GroundTruthTable || content instanceof KeypointTable;
-}
-
-/**
- * Parses a table in the role it has.
- * @param {Entry} entry
- * @param {[number, number] | undefined} imageSize of the frames, for positions in pixels
- */
-export async function parseTable({ role, arrays, source, path, options }, imageSize) {
-  const given = { ...options, imageSize };
-  if (arrays) return role === "keypoints" ? arrays.keypoints(given) : arrays.groundTruth(given);
-  const bytes = await bytesOf(source);
-  return role === "keypoints"
-    ? KeypointTable.parse(bytes, path, given)
-    : GroundTruthTable.parse(bytes, path, given);
-}
-
-/**
- * Whether a table that cannot be read could be, if the size of the images were known.
- * @param {Entry} entry
- */
-export async function isReadWithSize(entry) {
-  if (entry.role !== "ground-truth" && entry.role !== "keypoints") return false;
-  try {
-    (await parseTable(entry, [1, 1])).free();
-    return true;
-  } catch {
-    return false;
-  }
 }

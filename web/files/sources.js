@@ -1,6 +1,8 @@
 // @ts-check
 /** From what was dropped or picked to files with paths. */
 
+import { messageOf } from "../errors.js";
+
 /**
  * A file with its path from the folder it was dropped in, `/` between the parts; `read` gives one
  * that lies in another file, unpacked.
@@ -35,7 +37,7 @@ export function readError(error, path) {
   if (error instanceof DOMException) {
     return `${path} cannot be read: it was changed or removed, or may not be read. Drop it again.`;
   }
-  return error instanceof Error ? error.message : String(error);
+  return messageOf(error);
 }
 
 /**

@@ -36,8 +36,8 @@ export function capabilityView(session) {
     id: "capability",
     label: "Tracking capability over a common factor of all thresholds",
     draw: (theme, width) =>
-      session.evaluation
-        ? capabilityFigure(session.evaluation, theme ? factor : undefined, theme, width)
+      session.score.evaluation
+        ? capabilityFigure(session.score.evaluation, theme ? factor : undefined, theme, width)
         : null,
     drawn: (drawn) => {
       range = drawn.x;
@@ -49,7 +49,7 @@ export function capabilityView(session) {
   });
 
   const read = (/** @type {number} */ at) => {
-    const objects = session.evaluation?.objects ?? [];
+    const objects = session.score.evaluation?.objects ?? [];
     const tracked = objects.filter(
       ({ error, threshold }) => error !== null && error <= at * threshold,
     );

@@ -17,7 +17,7 @@ const GAUGE = { from: 1e-4, to: 1 };
  * @param {number} object
  */
 export function card(session, object) {
-  const name = session.evaluation?.objects[object].name ?? "";
+  const name = session.score.evaluation?.objects[object].name ?? "";
   const verdict = h("p", { class: "verdict" });
   const error = h("span", { class: "error-value" });
   const errorLabel = h("span", { class: "error-label" });
@@ -26,14 +26,14 @@ export function card(session, object) {
   const facts = h("dl");
   const map = h("div", { class: "map" });
   const mapDetails = h("details", { class: "map-details" }, h("summary", {}, "Fitted map"), map);
-  const threshold = session.scoring ? thresholdField(session, name) : null;
+  const threshold = session.score.scoring ? thresholdField(session, name) : null;
   const show = h(
     "button",
     {
       type: "button",
       class: "button",
       onclick: () => {
-        session.select({ object });
+        session.score.select({ object });
         byId("viewer").scrollIntoView({ block: "nearest" });
       },
     },
@@ -49,11 +49,11 @@ export function card(session, object) {
     threshold?.element,
     facts,
     mapDetails,
-    session.scoring && show,
+    session.score.scoring && show,
   );
 
   const update = () => {
-    const { evaluation } = session;
+    const { evaluation } = session.score;
     const result = evaluation?.objects[object];
     if (!evaluation || !result) return;
     const heldOut = evaluation.held_out?.objects[object];
@@ -67,7 +67,7 @@ export function card(session, object) {
       frames: String(result.frames),
       outside: String(result.outside),
       heldOut: String(heldOut?.error ?? ""),
-      selected: String(session.scoring !== null && session.selection.object === object),
+      selected: String(session.score.scoring !== null && session.score.selection.object === object),
     });
     const seen = shown.error !== null;
     verdict.dataset.tracked = seen ? String(shown.tracked) : "none";
@@ -86,7 +86,7 @@ export function card(session, object) {
     fill(facts, ...factsOf(session, object, result));
     mapDetails.hidden = !result.map || evaluation.transform === "identity";
     fill(map, ...(result.map ? equations(result.map) : []));
-    show.setAttribute("aria-pressed", String(session.selection.object === object));
+    show.setAttribute("aria-pressed", String(session.score.selection.object === object));
     threshold?.update(result.threshold);
   };
   return { element, update };
@@ -97,7 +97,7 @@ export function card(session, object) {
  * @param {Session} session
  * @param {number} object
  */
-function intervalOf({ intervals, evaluation }, object) {
+function intervalOf({ score: { intervals, evaluation } }, object) {
   const ends = (intervals ?? evaluation?.intervals)?.objects[object]?.error;
   return ends ? ends.map((end) => significant(end)).join(" – ") : null;
 }
@@ -108,10 +108,10 @@ function intervalOf({ intervals, evaluation }, object) {
  * @param {ObjectEvaluation} result
  */
 function factsOf(session, object, result) {
-  const { evaluation } = session;
+  const { evaluation } = session.score;
   const best = result.best_keypoint;
   const second = result.second_best;
-  const displayed = session.keypointOf(object);
+  const displayed = session.score.keypointOf(object);
   const pixels = result.rmse_px;
   const total = evaluation?.frames ?? result.frames;
   const left = [
@@ -128,9 +128,9 @@ function factsOf(session, object, result) {
       {
         type: "button",
         class: "link",
-        disabled: !session.scoring,
+        disabled: !session.score.scoring,
         "aria-label": `Show ${result.name} with keypoint no. ${keypoint}`,
-        onclick: () => session.choose(object, keypoint === best ? null : keypoint),
+        onclick: () => session.score.choose(object, keypoint === best ? null : keypoint),
       },
       `no. ${keypoint}`,
     );
@@ -162,7 +162,7 @@ function factsOf(session, object, result) {
 function backToBest(session, object) {
   return h(
     "button",
-    { type: "button", class: "link", onclick: () => session.choose(object, null) },
+    { type: "button", class: "link", onclick: () => session.score.choose(object, null) },
     "back to the best",
   );
 }
@@ -203,12 +203,12 @@ function thresholdField(session, object) {
       const valid = Number.isFinite(value) && value > 0;
       input.setAttribute("aria-invalid", String(!valid));
       hint.textContent = valid ? "" : `Expected a number above 0; ${inForce} still holds.`;
-      if (valid) session.setThreshold(object, value);
+      if (valid) session.score.setThreshold(object, value);
     },
     // Leaving the field with something impossible in it brings back what is in force.
     onblur: () => {
       if (input.getAttribute("aria-invalid") === "true")
-        reset(session.options.thresholds?.[object] ?? null);
+        reset(session.score.options.thresholds.get(object) ?? null);
     },
   });
   const hint = h("span", { id: `${id}-hint`, class: "hint", role: "status" });
@@ -221,14 +221,14 @@ function thresholdField(session, object) {
     input.setAttribute("aria-invalid", "false");
     hint.textContent = "";
     input.blur();
-    session.setThreshold(object, value);
+    session.score.setThreshold(object, value);
   };
   const update = (/** @type {number} */ threshold) => {
     inForce = threshold;
     // What is being typed is not rewritten.
     if (document.activeElement !== input) input.value = String(threshold);
-    button.hidden = threshold === session.defaultThresholds[object];
-    button.title = `Back to ${session.defaultThresholds[object]}`;
+    button.hidden = threshold === session.score.defaultThresholds.get(object);
+    button.title = `Back to ${session.score.defaultThresholds.get(object)}`;
   };
   const element = h(
     "div",

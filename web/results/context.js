@@ -29,10 +29,10 @@ export function contextView(session) {
   const update = () => {
     if (!element.open) return;
     // Neither the map nor the thresholds matter here.
-    const now = `${session.evaluation?.frames} ${session.folds}`;
+    const now = `${session.score.evaluation?.frames} ${session.score.folds}`;
     if (now === key) return;
     key = now;
-    const context = session.context();
+    const context = session.score.context();
     fill(
       body,
       ...(context ? tables(context) : [h("p", {}, "The saved evaluation does not have them.")]),

@@ -22,7 +22,7 @@ export function exportView(session) {
   ) => h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
   const complete = (/** @type {(evaluation: Evaluation) => void} */ write) => async () => {
     await init(["figures"]);
-    const evaluation = session.completeEvaluation();
+    const evaluation = session.score.completeEvaluation();
     if (evaluation) write(evaluation);
   };
   const command = h("code", { id: "command" });
@@ -86,7 +86,7 @@ export function exportView(session) {
     repeat,
   );
   const update = () => {
-    command.textContent = session.command();
+    command.textContent = session.score.command();
     repeat.hidden = command.textContent === "";
   };
   return { element, update };

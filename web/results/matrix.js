@@ -19,7 +19,12 @@ export function matrixView(session) {
   const note = h("p", { class: "hint-line" });
   const reset = h(
     "button",
-    { type: "button", class: "button", id: "choose-best", onclick: () => session.chooseBest() },
+    {
+      type: "button",
+      class: "button",
+      id: "choose-best",
+      onclick: () => session.score.chooseBest(),
+    },
     "Back to the best keypoints",
   );
   /** The cell that the keys move from. */
@@ -31,15 +36,15 @@ export function matrixView(session) {
     id: "errors",
     label: "Tracking error of every keypoint for every object",
     draw: (theme, width) => {
-      const { evaluation } = session;
+      const { evaluation } = session.score;
       if (!evaluation) return null;
       const chosen = Int32Array.from(evaluation.objects, (_, k) =>
-        session.isChosen(k) ? (session.keypointOf(k) ?? -1) : -1,
+        session.score.isChosen(k) ? (session.score.keypointOf(k) ?? -1) : -1,
       );
       return matrixFigure(evaluation, chosen, theme, width);
     },
     drawn: (drawn, layer) => {
-      const { evaluation } = session;
+      const { evaluation } = session.score;
       if (!evaluation) return;
       const [left, top, width, height] = drawn.plot;
       const columns = evaluation.errors[0].length;
@@ -51,7 +56,7 @@ export function matrixView(session) {
             class: "matrix-cell",
             tabIndex: -1,
             "aria-label": describe(session, object, keypoint),
-            "aria-selected": String(session.keypointOf(object) === keypoint),
+            "aria-selected": String(session.score.keypointOf(object) === keypoint),
             data: { object, keypoint },
           });
           cell.style.width = `${width / columns}px`;
@@ -100,10 +105,10 @@ export function matrixView(session) {
   };
   const choose = (/** @type {HTMLElement} */ cell) => {
     at = positionOf(cell);
-    const best = session.evaluation?.objects[at.object].best_keypoint;
+    const best = session.score.evaluation?.objects[at.object].best_keypoint;
     // Of a saved evaluation there is nothing else to show with another keypoint.
-    if (best === null || best === undefined || !session.scoring) return;
-    session.choose(at.object, at.keypoint === best ? null : at.keypoint);
+    if (best === null || best === undefined || !session.score.scoring) return;
+    session.score.choose(at.object, at.keypoint === best ? null : at.keypoint);
   };
   figure.layer.addEventListener("pointerover", tell);
   figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
@@ -146,17 +151,20 @@ export function matrixView(session) {
     figure.element,
   );
   const update = () => {
-    const chosen = session.objects.filter((_, object) => session.isChosen(object));
+    const chosen = session.score.objects.filter((_, object) => session.score.isChosen(object));
     reset.hidden = chosen.length === 0;
     note.textContent =
       chosen.length === 0
         ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the " +
           "threshold." +
-          (session.scoring ? " Choose a cell to see that keypoint in the frames and plots." : "")
+          (session.score.scoring
+            ? " Choose a cell to see that keypoint in the frames and plots."
+            : "")
         : `Shown in the frames and plots: ${chosen
             .map(
               (name) =>
-                `${name} with keypoint ${session.keypointOf(session.objects.indexOf(name))}`,
+                `${name} with keypoint ` +
+                `${session.score.keypointOf(session.score.objects.indexOf(name))}`,
             )
             .join(", ")}. The score stays that of the best keypoints.`;
     figure.update();
@@ -175,8 +183,8 @@ function positionOf(cell) {
  * @param {number} keypoint
  */
 function describe(session, object, keypoint) {
-  const result = session.evaluation?.objects[object];
-  const error = session.evaluation?.errors[object][keypoint];
+  const result = session.score.evaluation?.objects[object];
+  const error = session.score.evaluation?.errors[object][keypoint];
   if (!result) return "";
   const what = `${result.name}, keypoint ${keypoint}`;
   if (error === null || error === undefined) return `${what}: the object is never visible`;
@@ -185,7 +193,7 @@ function describe(session, object, keypoint) {
       ? "up to the threshold"
       : `${significant(error / result.threshold)} × the threshold`,
     keypoint === result.best_keypoint && "best",
-    session.keypointOf(object) === keypoint && "on display",
+    session.score.keypointOf(object) === keypoint && "on display",
   ];
   return `${what}: error ${significant(error)}, ${notes.filter(Boolean).join(", ")}`;
 }

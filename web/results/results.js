@@ -36,7 +36,7 @@ export function showResults(session) {
   const rebuild = () => {
     const wasShown = views.length > 0;
     views = [];
-    if (!session.evaluation) {
+    if (!session.score.evaluation) {
       place.hidden = true;
       fill(place);
       delete place.dataset.tc;
@@ -44,7 +44,7 @@ export function showResults(session) {
       return;
     }
     const summary = summaryView(session);
-    cards = session.evaluation.objects.map((_, object) => card(session, object));
+    cards = session.score.evaluation.objects.map((_, object) => card(session, object));
     matrix = matrixView(session);
     const capability = capabilityView(session);
     sequences = sequencesView(session);
@@ -61,35 +61,35 @@ export function showResults(session) {
       taking.element,
     );
     update();
-    const { tc, objects } = session.evaluation;
+    const { tc, objects } = session.score.evaluation;
     announce(`Tracking capability ${fixed(tc)}: ${tally(objects)}.`);
   };
   const update = () => {
-    place.hidden = session.evaluation === null;
-    if (!session.evaluation) {
+    place.hidden = session.score.evaluation === null;
+    if (!session.score.evaluation) {
       delete place.dataset.tc;
       return;
     }
-    place.dataset.tc = String(session.evaluation.tc);
+    place.dataset.tc = String(session.score.evaluation.tc);
     shown = display(session);
     for (const view of views) view.update();
   };
-  session.addEventListener("scoring", rebuild);
-  session.addEventListener("evaluation", () => {
+  session.score.addEventListener("scoring", rebuild);
+  session.score.addEventListener("evaluation", () => {
     // Within one change the new points come with their own event.
     if (views.length > 0) update();
   });
-  session.addEventListener("intervals", () => {
+  session.score.addEventListener("intervals", () => {
     if (views.length > 0) update();
   });
-  session.addEventListener("selection", () => {
+  session.score.addEventListener("selection", () => {
     // While the frames of a sequence go by, nothing here changes.
     if (views.length === 0 || display(session) === shown) return;
     shown = display(session);
     for (const view of cards) view.update();
     sequences?.update();
   });
-  session.addEventListener("choice", () => {
+  session.score.addEventListener("choice", () => {
     if (views.length > 0) matrix?.update();
   });
 }
@@ -99,7 +99,7 @@ export function showResults(session) {
  * @param {Session} session
  */
 function display(session) {
-  const { object, frame } = session.selection;
-  const keypoints = session.objects.map((_, k) => session.keypointOf(k));
-  return [object, session.sequenceOf(frame)?.start, ...keypoints].join(" ");
+  const { object, frame } = session.score.selection;
+  const keypoints = session.score.objects.map((_, k) => session.score.keypointOf(k));
+  return [object, session.score.sequenceOf(frame)?.start, ...keypoints].join(" ");
 }

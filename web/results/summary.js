@@ -41,7 +41,7 @@ export function summaryView(session) {
   const warnings = h("div", { class: "warnings" });
 
   const update = () => {
-    const { evaluation, intervals } = session;
+    const { evaluation, intervals } = session.score;
     if (!evaluation) return;
     const heldOut = evaluation.held_out;
     value.textContent = fixed(heldOut?.tc ?? evaluation.tc);
@@ -55,14 +55,14 @@ export function summaryView(session) {
     else
       interval.textContent = known
         ? `95 % interval ${known}`
-        : session.resampling.intervals
+        : session.score.resampling.intervals
           ? "Drawing the 95 % interval …"
           : "";
     protocol.textContent = describeProtocol(session, evaluation);
     fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
   };
 
-  const switches = session.scoring
+  const switches = session.score.scoring
     ? [
         transformSwitch(session),
         protocolSelect(session),
@@ -97,7 +97,7 @@ export function summaryView(session) {
  * What a saved evaluation cannot show.
  * @param {Session} session
  */
-function savedNotice({ saved, savedIn }) {
+function savedNotice({ score: { saved, savedIn } }) {
   if (!saved || !savedIn) return null;
   const lacks = saved.lacks.length > 0 ? ` It was saved without ${saved.lacks.join(", ")}.` : "";
   return notice(
@@ -156,8 +156,8 @@ function transformSwitch(session) {
             type: "radio",
             name: "transform",
             value: transform,
-            checked: session.options.transform === transform,
-            onchange: () => session.setOptions({ transform }),
+            checked: session.score.options.transform === transform,
+            onchange: () => session.score.setOptions({ transform }),
           }),
           h("span", {}, label),
         ),
@@ -173,10 +173,10 @@ function rankSelect(session) {
     {
       id: "rank",
       onchange: () =>
-        session.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
+        session.score.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
     },
     ...RANKS.map(([rank, label]) =>
-      h("option", { value: rank, selected: session.options.rank === rank }, label),
+      h("option", { value: rank, selected: session.score.options.rank === rank }, label),
     ),
   );
   return h(
@@ -189,7 +189,7 @@ function rankSelect(session) {
 
 /** @param {Session} session */
 function protocolSelect(session) {
-  const most = session.sequences.length;
+  const most = session.score.sequences.length;
   const folds = [...new Set(FOLDS.map((folds) => Math.min(folds, most)))].filter(
     (folds) => folds > 1,
   );
@@ -198,13 +198,13 @@ function protocolSelect(session) {
     {
       id: "protocol",
       disabled: most < 2,
-      onchange: () => session.setResampling({ folds: Number(select.value) }),
+      onchange: () => session.score.setResampling({ folds: Number(select.value) }),
     },
-    h("option", { value: "0", selected: session.folds === 0 }, "the frames fitted on"),
+    h("option", { value: "0", selected: session.score.folds === 0 }, "the frames fitted on"),
     ...folds.map((n) =>
       h(
         "option",
-        { value: String(n), selected: session.folds === n },
+        { value: String(n), selected: session.score.folds === n },
         `held-out sequences, ${n} folds`,
       ),
     ),
@@ -221,12 +221,12 @@ function intervalsBox(session) {
   const box = h("input", {
     type: "checkbox",
     id: "intervals",
-    disabled: session.sequences.length < 2,
-    checked: session.resampling.intervals,
-    onchange: () => session.setResampling({ intervals: box.checked }),
+    disabled: session.score.sequences.length < 2,
+    checked: session.score.resampling.intervals,
+    onchange: () => session.score.setResampling({ intervals: box.checked }),
   });
   const title =
-    session.sequences.length < 2
+    session.score.sequences.length < 2
       ? "Intervals take at least two sequences"
       : "Percentile bootstrap: the sequences are drawn 1000 times with replacement";
   return h("label", { class: "check", title }, box, h("span", {}, "95 % intervals over sequences"));

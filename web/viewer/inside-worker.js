@@ -1,6 +1,7 @@
 // @ts-check
 /** The worker of `inside.js`: its own instance of the package, one checkpoint. */
 
+import { messageOf } from "../errors.js";
 import { decodable } from "../extraction/decodable.js";
 import init, { Decoder, Encoder } from "../pkg/index.js";
 
@@ -39,7 +40,7 @@ async function answer(question) {
     image.data.set(decoder.reconstruct(question.points));
     return { image };
   } catch (error) {
-    return { problem: error instanceof Error ? error.message : String(error) };
+    return { problem: messageOf(error) };
   }
 }
 

@@ -5,6 +5,7 @@
  * responsive.
  */
 
+import { messageOf } from "../errors.js";
 import { blobOf, readError } from "../files/sources.js";
 
 /**
@@ -55,7 +56,9 @@ export class Inside {
    * @param {Session} session
    */
   static hasHeat(session) {
-    return session.encoder !== null && !session.used("keypoints") && session.hasPictures;
+    return (
+      session.encoder !== null && !session.library.used("keypoints") && session.score.hasPictures
+    );
   }
 
   /**
@@ -63,7 +66,9 @@ export class Inside {
    * @param {Session} session
    */
   static hasImage(session) {
-    return session.encoder !== null && !session.used("keypoints") && session.encoder.info.decoder;
+    return (
+      session.encoder !== null && !session.library.used("keypoints") && session.encoder.info.decoder
+    );
   }
 
   /**
@@ -73,8 +78,8 @@ export class Inside {
    * @param {number} frame
    */
   heat(session, frame) {
-    const source = session.picture(frame);
-    const keypoint = session.keypointOf(session.selection.object);
+    const source = session.score.picture(frame);
+    const keypoint = session.score.keypointOf(session.score.selection.object);
     if (!Inside.hasHeat(session) || !source || keypoint === null) return null;
     const ask = async (/** @type {Given} */ checkpoint) => ({
       kind: /** @type {const} */ ("heat"),
@@ -95,7 +100,7 @@ export class Inside {
    * @param {number} frame
    */
   image(session, frame) {
-    const points = session.scoring?.keypointsAt(frame);
+    const points = session.score.scoring?.keypointsAt(frame);
     if (!Inside.hasImage(session) || !points) return null;
     const ask = async (/** @type {Given} */ checkpoint) => ({
       kind: /** @type {const} */ ("image"),
@@ -130,7 +135,7 @@ export class Inside {
       this.#known.set(key, known);
       return known;
     }
-    const checkpoint = session.used("checkpoint")?.source;
+    const checkpoint = session.library.used("checkpoint")?.source;
     if (!checkpoint) return null;
     // Of each kind only the last question counts.
     this.#next.set(key.split(" ")[0], () => {
@@ -182,8 +187,7 @@ export class Inside {
       worker.postMessage(await question);
     } catch (error) {
       // Unless everything was cleared meanwhile.
-      if (worker === this.#worker)
-        settle({ problem: error instanceof Error ? error.message : String(error) });
+      if (worker === this.#worker) settle({ problem: messageOf(error) });
     }
   }
 }
@@ -222,7 +226,7 @@ function placed({ width, height, weights }, session, frame) {
     }
   }
   canvas.getContext("2d")?.putImageData(pixels, 0, 0);
-  const [left, top, right, bottom] = session.placed(new Float64Array([-1, -1, 1, 1]), frame);
+  const [left, top, right, bottom] = session.score.placed(new Float64Array([-1, -1, 1, 1]), frame);
   // The points are the centres of the border cells, half a cell inside of the map's edges.
   const cell = {
     x: (right - left) / 2 / Math.max(width - 1, 1),

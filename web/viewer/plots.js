@@ -4,6 +4,7 @@
  * the frame.
  */
 
+import { messageOf } from "../errors.js";
 import init, { drawLines, linesToSvg } from "../pkg/index.js";
 import { fill, h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
@@ -47,18 +48,20 @@ export function plots(session) {
   let scheduled = false;
   let drawn = "";
   const pair = () => {
-    const { object, frame } = session.selection;
-    return `${object} ${session.keypointOf(object)} ${session.sequenceOf(frame)?.start}`;
+    const { object, frame } = session.score.selection;
+    return (
+      `${object} ${session.score.keypointOf(object)} ` + `${session.score.sequenceOf(frame)?.start}`
+    );
   };
   const draw = async () => {
     scheduled = false;
-    if (!session.scoring) return;
+    if (!session.score.scoring) return;
     drawn = pair();
     try {
       // Loaded when there is something to draw.
       await init(["figures"]);
     } catch (error) {
-      const reason = error instanceof Error ? error.message : String(error);
+      const reason = messageOf(error);
       for (const view of views) view.fail(`No plot: ${reason}. Reload the page to try again.`);
       return;
     }
@@ -75,8 +78,8 @@ export function plots(session) {
     if (pair() !== drawn) schedule();
     for (const view of views) view.moveCursor();
   };
-  session.addEventListener("selection", follow);
-  for (const topic of ["scoring", "evaluation"]) session.addEventListener(topic, schedule);
+  session.score.addEventListener("selection", follow);
+  for (const topic of ["scoring", "evaluation"]) session.score.addEventListener(topic, schedule);
   // Zooming changes the pixels of a canvas without changing its size in the layout.
   window.addEventListener("resize", schedule);
   const resized = new ResizeObserver(schedule);
@@ -150,8 +153,8 @@ function plotView(session, quantity) {
 
   /** The frame on display: the line over the plot and the values beside the title. */
   const moveCursor = () => {
-    const sequence = session.sequenceOf(session.selection.frame);
-    const index = session.selection.frame - (sequence?.start ?? 0);
+    const sequence = session.score.sequenceOf(session.score.selection.frame);
+    const index = session.score.selection.frame - (sequence?.start ?? 0);
     cursor.hidden = !shown || index >= shown.plot.at.length;
     fill(readout);
     if (!shown || cursor.hidden) return;
@@ -183,8 +186,8 @@ function plotView(session, quantity) {
   };
   const seek = (/** @type {PointerEvent} */ event) => {
     const index = frameAt(event);
-    const sequence = session.sequenceOf(session.selection.frame);
-    if (index !== null && sequence) session.select({ frame: sequence.start + index });
+    const sequence = session.score.sequenceOf(session.score.selection.frame);
+    if (index !== null && sequence) session.score.select({ frame: sequence.start + index });
   };
   const point = (/** @type {PointerEvent} */ event) => {
     const index = frameAt(event);
@@ -256,7 +259,7 @@ async function savePlot(session, quantity, format) {
   );
   if (!plot) return;
   const figure = { ...plot.figure, cursor: null };
-  const sequence = session.sequenceOf(session.selection.frame)?.name;
+  const sequence = session.score.sequenceOf(session.score.selection.frame)?.name;
   const file = `${objectName(session)}-${quantity}-${sequence}.${format}`.replace(/[^\w.-]+/g, "_");
   if (format === "svg") {
     save(file, "image/svg+xml", linesToSvg(figure, SAVED.width, SAVED.height));
@@ -278,13 +281,13 @@ async function savePlot(session, quantity, format) {
  * @returns {Plot | null}
  */
 function describe(session, quantity, colors, fontSize) {
-  const { evaluation, selection } = session;
-  const keypoint = session.keypointOf(selection.object);
-  const series = session.series(selection.object);
-  const sequence = session.sequenceOf(selection.frame);
+  const { evaluation, selection } = session.score;
+  const keypoint = session.score.keypointOf(selection.object);
+  const series = session.score.series(selection.object);
+  const sequence = session.score.sequenceOf(selection.frame);
   if (!evaluation || !series || !sequence) return null;
   const { start, at } = axisOf(
-    session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length),
+    session.score.frameNumbers.subarray(sequence.start, sequence.start + sequence.length),
   );
   const length = at[at.length - 1] + 1;
   const line = (
@@ -345,7 +348,7 @@ function axisOf(numbers) {
 
 /** @param {Session} session */
 function objectName(session) {
-  return session.objects[session.selection.object] ?? "";
+  return session.score.objects[session.score.selection.object] ?? "";
 }
 
 /** The colours of the style sheet under the scheme in force. @returns {Colors} */

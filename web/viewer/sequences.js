@@ -71,19 +71,20 @@ export function sequenceList(session) {
   );
 
   const shown = () => {
-    const range = session.sequenceOf(session.selection.frame);
-    return range ? session.sequences.indexOf(range) : -1;
+    const range = session.score.sequenceOf(session.score.selection.frame);
+    return range ? session.score.sequences.indexOf(range) : -1;
   };
   const current = () => order.indexOf(shown());
   const pick = (/** @type {number} */ sequence) => {
-    if (session.sequences[sequence]) session.select({ frame: session.sequences[sequence].start });
+    if (session.score.sequences[sequence])
+      session.score.select({ frame: session.score.sequences[sequence].start });
   };
 
   /** Height of a row in CSS pixels: text may be zoomed. */
   let rowHeight = 28;
   const draw = () => {
     // The list also hears of its size when everything was removed.
-    if (!session.scoring) return;
+    if (!session.score.scoring) return;
     const first = Math.max(0, Math.floor(list.scrollTop / rowHeight) - BEYOND);
     const last = Math.min(
       order.length,
@@ -104,9 +105,9 @@ export function sequenceList(session) {
    */
   const row = (position, selected) => {
     const sequence = order[position];
-    const { name, length } = session.sequences[sequence];
+    const { name, length } = session.score.sequences[sequence];
     const error = errors[sequence];
-    const { threshold } = session.evaluation?.objects[session.selection.object] ?? {
+    const { threshold } = session.score.evaluation?.objects[session.score.selection.object] ?? {
       threshold: NaN,
     };
     const seen = !Number.isNaN(error);
@@ -155,14 +156,14 @@ export function sequenceList(session) {
   let at = -1;
   /** Follows the session; does nothing while only the frame within a sequence changes. */
   const update = () => {
-    const { evaluation, selection, sequences } = session;
+    const { evaluation, selection, sequences } = session.score;
     if (!evaluation) return;
     // Another evaluation is another object.
     const shownBefore = scored;
     scored = {
       evaluation,
       object: selection.object,
-      keypoint: session.keypointOf(selection.object),
+      keypoint: session.score.keypointOf(selection.object),
       worstFirst,
     };
     const same = Object.entries(scored).every(
@@ -171,7 +172,7 @@ export function sequenceList(session) {
     if (same && current() === at) return;
     at = current();
     if (!same) {
-      errors = session.sequenceErrors(selection.object);
+      errors = session.score.sequenceErrors(selection.object);
       order = [...sequences.keys()];
       const rank = (/** @type {number} */ i) => (Number.isNaN(errors[i]) ? -1 : errors[i]);
       if (worstFirst) order.sort((a, b) => rank(b) - rank(a));

@@ -20,12 +20,13 @@ const FAR = 10;
  * @param {() => void} onSetting
  */
 export function transport(session, prepare, settings, onSetting) {
-  const sequence = () => session.sequenceOf(session.selection.frame);
-  const index = () => session.selection.frame - (sequence()?.start ?? 0);
+  const sequence = () => session.score.sequenceOf(session.score.selection.frame);
+  const index = () => session.score.selection.frame - (sequence()?.start ?? 0);
   /** @param {number} to in the sequence on display */
   const goTo = (to) => {
     const range = sequence();
-    if (range) session.select({ frame: range.start + Math.min(Math.max(to, 0), range.length - 1) });
+    if (range)
+      session.score.select({ frame: range.start + Math.min(Math.max(to, 0), range.length - 1) });
   };
   /**
    * Goes to a frame that the user asks for; those that come next if the movement goes on are
@@ -47,9 +48,10 @@ export function transport(session, prepare, settings, onSetting) {
   /** @param {number} by sequences */
   const goToSequence = (by) => {
     const range = sequence();
-    const at = range ? session.sequences.indexOf(range) : 0;
-    const next = session.sequences[Math.min(Math.max(at + by, 0), session.sequences.length - 1)];
-    if (next && next !== range) session.select({ frame: next.start });
+    const at = range ? session.score.sequences.indexOf(range) : 0;
+    const next =
+      session.score.sequences[Math.min(Math.max(at + by, 0), session.score.sequences.length - 1)];
+    if (next && next !== range) session.score.select({ frame: next.start });
   };
 
   const scrubber = h("input", {
@@ -134,7 +136,7 @@ export function transport(session, prepare, settings, onSetting) {
   let due = 0;
   /** @param {boolean} next */
   const setPlaying = (next) => {
-    playing = next && session.scoring !== null;
+    playing = next && session.score.scoring !== null;
     fill(play, icon(playing ? "icon-pause" : "icon-play"));
     play.setAttribute("aria-label", playing ? "Pause" : "Play");
     play.title = playing ? "Pause (space)" : "Play (space)";
@@ -182,12 +184,12 @@ export function transport(session, prepare, settings, onSetting) {
   };
 
   const update = () => {
-    const { frame } = session.selection;
+    const { frame } = session.score.selection;
     const range = sequence();
     if (!range) return;
     scrubber.max = String(range.length - 1);
     scrubber.value = String(index());
-    const number = session.frameNumbers[frame];
+    const number = session.score.frameNumbers[frame];
     position.textContent = `frame ${integer(number)}`;
     position.title = `${integer(index() + 1)} of ${count(range.length, "frame")}`;
     scrubber.setAttribute("aria-valuetext", `frame ${number}, ${index() + 1} of ${range.length}`);

@@ -66,13 +66,13 @@ export function showViewer(session) {
 
   const objects = h("select", {
     id: "viewer-object",
-    onchange: () => session.select({ object: objects.selectedIndex }),
+    onchange: () => session.score.select({ object: objects.selectedIndex }),
   });
   const keypoints = h("select", {
     id: "viewer-keypoint",
     onchange: () =>
-      session.choose(
-        session.selection.object,
+      session.score.choose(
+        session.score.selection.object,
         keypoints.value === "" ? null : Number(keypoints.value),
       ),
   });
@@ -196,18 +196,19 @@ export function showViewer(session) {
   // Following the session
 
   const showSelection = () => {
-    place.hidden = session.evaluation === null || session.scoring === null;
+    place.hidden = session.score.evaluation === null || session.score.scoring === null;
     if (place.hidden) return;
-    objects.selectedIndex = session.selection.object;
+    objects.selectedIndex = session.score.selection.object;
     moving.update();
     sequences.update();
     view.draw();
   };
   /** What belongs to the object and the keypoint on display. */
   const showPair = () => {
-    const result = session.scoring && session.evaluation?.objects[session.selection.object];
+    const result =
+      session.score.scoring && session.score.evaluation?.objects[session.score.selection.object];
     if (!result) return;
-    const errors = session.evaluation?.errors[session.selection.object] ?? [];
+    const errors = session.score.evaluation?.errors[session.score.selection.object] ?? [];
     const best = result.best_keypoint === null ? "none" : `best (no. ${result.best_keypoint})`;
     fill(
       keypoints,
@@ -216,7 +217,7 @@ export function showViewer(session) {
         h("option", { value: String(n) }, `no. ${n} · error ${significant(error)}`),
       ),
     );
-    const keypoint = session.keypointOf(session.selection.object);
+    const keypoint = session.score.keypointOf(session.score.selection.object);
     keypoints.value = keypoint === result.best_keypoint ? "" : String(keypoint);
     const name = (/** @type {Layer} */ layer, /** @type {string} */ text) => {
       /** @type {{ text: HTMLElement }} */ (layers.get(layer)).text.textContent = text;
@@ -235,27 +236,29 @@ export function showViewer(session) {
     note.textContent =
       result.best_keypoint === null
         ? "This object is visible in no frame, so no keypoint is fitted to it."
-        : session.placesKeypoints
+        : session.score.placesKeypoints
           ? "Keypoints are drawn where the grid of the encoder places them in the image."
           : "Keypoints are drawn as given, taken as image coordinates (ndc).";
   };
 
   let pair = "";
-  session.addEventListener("scoring", () => {
+  session.score.addEventListener("scoring", () => {
     moving.pause();
     view.reset();
     problem.textContent = "";
-    fill(objects, ...session.objects.map((name) => h("option", {}, name)));
+    fill(objects, ...session.score.objects.map((name) => h("option", {}, name)));
     showSelection();
     showPair();
   });
-  session.addEventListener("evaluation", () => {
+  session.score.addEventListener("evaluation", () => {
     showSelection();
     showPair();
   });
-  session.addEventListener("selection", () => {
+  session.score.addEventListener("selection", () => {
     showSelection();
-    const next = `${session.selection.object} ${session.keypointOf(session.selection.object)}`;
+    const next =
+      `${session.score.selection.object} ` +
+      `${session.score.keypointOf(session.score.selection.object)}`;
     if (next !== pair) showPair();
     pair = next;
   });

@@ -1,6 +1,7 @@
 // @ts-check
 /** NPZ recordings: frames stay where they lie, points are read. */
 
+import { messageOf } from "../../errors.js";
 import { Arrays } from "../../pkg/index.js";
 import { blobOf } from "../sources.js";
 import { NPY_TYPE } from "./npy.js";
@@ -53,6 +54,6 @@ export async function openRecording(recording) {
     }));
     return { frames, arrays, error: "" };
   } catch (error) {
-    return { frames: [], arrays, error: error instanceof Error ? error.message : String(error) };
+    return { frames: [], arrays, error: messageOf(error) };
   }
 }

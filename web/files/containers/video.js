@@ -4,6 +4,8 @@
  * for. Mediabunny, which tells the container's parts apart, is fetched with the first video.
  */
 
+import { messageOf } from "../../errors.js";
+import { count } from "../../ui/format.js";
 import { blobOf } from "../sources.js";
 import { arrayOfPixels } from "./npy.js";
 
@@ -17,7 +19,8 @@ const KEPT = 8;
 /**
  * The frames of a video, as a sequence that is called like the file.
  * @param {Source} source
- * @returns {Promise<{ frames: Source[], contents: string }>}
+ * @returns {Promise<{ frames: Source[], contents: string, close: () => void }>} `close` gives back
+ * the frames that were decoded ahead
  */
 export async function openVideo(source) {
   const { path } = source;
@@ -37,9 +40,9 @@ export async function openVideo(source) {
   const { ALL_FORMATS, BlobSource, EncodedPacketSink, Input, VideoSampleSink } = library;
   const input = new Input({ formats: ALL_FORMATS, source: new BlobSource(await blobOf(source)) });
   const track = await input.getPrimaryVideoTrack().catch((/** @type {unknown} */ error) => {
-    const reason = error instanceof Error ? error.message : String(error);
     throw new Error(
-      `${path} is not a whole video (${reason}); expected MP4, WebM, MKV or MOV. Is the file ` +
+      `${path} is not a whole video (${messageOf(error)}); expected MP4, WebM, MKV or MOV. Is ` +
+        "the file " +
         "complete?",
     );
   });
@@ -69,7 +72,8 @@ export async function openVideo(source) {
       path: `${folder}/frame_${String(i).padStart(6, "0")}`,
       read: () => reader.frame(i),
     })),
-    contents: `${times.length} frames, ${track.codec}`,
+    contents: `${count(times.length, "frame")}, ${track.codec}`,
+    close: () => reader.close(),
   };
 }
 
@@ -121,6 +125,18 @@ class Reader {
     return read;
   }
 
+  /** Gives back what was decoded ahead, after the frames asked for. */
+  close() {
+    this.#last = this.#last.then(() => this.#stop()).catch(() => {});
+  }
+
+  async #stop() {
+    const samples = this.#samples;
+    this.#samples = null;
+    this.#kept.clear();
+    await samples?.return(undefined);
+  }
+
   /** @param {number} i */
   async #read(i) {
     try {
@@ -145,8 +161,7 @@ class Reader {
       return /** @type {Blob} */ (frame);
     } catch (error) {
       this.#samples = null;
-      const reason = error instanceof Error ? error.message : String(error);
-      throw new Error(`frame ${i} of ${this.#path} cannot be decoded (${reason})`);
+      throw new Error(`frame ${i} of ${this.#path} cannot be decoded (${messageOf(error)})`);
     }
   }
 
