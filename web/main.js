@@ -1,7 +1,7 @@
 // @ts-check
 /**
  * Entry of the page: loads the package, then the application. What keeps the page from working is
- * said here.
+ * reported here.
  */
 
 // A file dropped before the application is ready must not make the browser leave the page.

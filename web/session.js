@@ -7,11 +7,11 @@
 import { FrameIndex, KeypointTable, Scoring, joinFrames } from "./pkg/index.js";
 import { messageOf } from "./errors.js";
 import { commandInputs } from "./files/command.js";
-import { contentOf, extractionOf, savedOf, unread } from "./files/entry.js";
+import { contentOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
 import { decodeImage } from "./files/image-cache.js";
 import { identify } from "./files/intake.js";
 import { Library } from "./files/library.js";
-import { Problems } from "./files/problems.js";
+import { Problems, askForReading } from "./files/problems.js";
 import { repeatedText, replacedText, severalText, uselessText } from "./files/texts.js";
 import { Score } from "./score.js";
 import { count } from "./ui/format.js";
@@ -45,6 +45,9 @@ const SLOTS = [
   ["keypoints", "keypoint tables"],
   ["result", ""],
 ];
+
+/** @type {Slot[]} */
+const TABLES = ["ground-truth", "keypoints"];
 
 export class Session extends EventTarget {
   problems = new Problems();
@@ -463,6 +466,7 @@ export class Session extends EventTarget {
     await this.#parseEntries(alive);
     if (!alive()) return;
     for (const [role, many] of SLOTS) this.#assign(role, many);
+    for (const role of TABLES) this.#checkReading(this.library.used(role));
     this.#joinFrames();
     this.emit("files");
     this.#advance();
@@ -527,6 +531,15 @@ export class Session extends EventTarget {
       label: `${areCompared ? "Show" : "Use"} ${spare.path} instead`,
       run: () => void this.use(spare),
     });
+  }
+
+  /** @param {Entry | null} entry the table in use */
+  #checkReading(entry) {
+    const reasons = tableOf(entry)?.reasons;
+    if (!entry || !reasons) return;
+    const read = (/** @type {import("./pkg/index.js").TableOptions} */ options) =>
+      void this.setTableOptions(entry, options);
+    askForReading(this.problems, entry.path, reasons, read);
   }
 
   #joinFrames() {

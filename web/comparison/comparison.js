@@ -50,7 +50,7 @@ export class RunsComparison extends EventTarget {
    * @type {Compared | null}
    */
   compared = null;
-  /** What the errors of saved evaluations have not in common. @type {string[]} */
+  /** In what the saved evaluations differ. @type {string[]} */
   doubts = [];
   /** Why nothing is compared. */
   error = "";

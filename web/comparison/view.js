@@ -1,5 +1,5 @@
 // @ts-check
-/** The comparison of runs: tables, figures, what does not count, and files to take away. */
+/** The comparison of runs: tables, figures, runs left out, and files to save. */
 
 import { announce, byId, fill, h, icon, notice } from "../ui/dom.js";
 import { save } from "../ui/download.js";

@@ -146,7 +146,7 @@ export class Line {
   #watch() {
     const { signal } = this.#closed;
     navigator.locks
-      ?.request(this.#name, { signal }, () => this.#die("it ended without a word"))
+      ?.request(this.#name, { signal }, () => this.#die("it ended without a report"))
       .catch(() => {});
   }
 

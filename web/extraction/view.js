@@ -8,7 +8,7 @@ import { count, duration, fixed, integer } from "../ui/format.js";
 /** @typedef {import("../session.js").Session} Session */
 
 const LISTED_FAILURES = 50;
-/** Progress is said to screen readers this often. */
+/** Progress is announced to screen readers this often. */
 const ANNOUNCE_EVERY_MS = 10_000;
 
 /** @param {Session} session */
@@ -107,7 +107,7 @@ function settled(session, status, done, total) {
           "p",
           { class: "done" },
           icon("icon-check"),
-          `Keypoints of ${count(session.extraction?.extracted.size ?? 0, "frame")} are there.`,
+          `Extracted keypoints from ${count(session.extraction?.extracted.size ?? 0, "frame")}.`,
         ),
         session.table &&
           !session.score.scoring &&

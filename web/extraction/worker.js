@@ -30,7 +30,7 @@ let encoder;
 let last = started();
 
 self.onmessage = (/** @type {MessageEvent<Request>} */ { data }) => {
-  // Read while the request before is computed; a failure is told when this one's turn comes.
+  // Read while the request before is computed; a failure is reported in its turn.
   const bytes = data.type === "refuse" ? Promise.resolve(new Uint8Array()) : bytesOf(data.source);
   bytes.catch(() => {});
   last = last.then(async () => {

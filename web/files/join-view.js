@@ -31,7 +31,7 @@ export function showJoin(session) {
       "p",
       { class: "figure-line" },
       h("strong", {}, integer(join.matched)),
-      ` ${left} have their row of ground truth`,
+      ` ${left} matched to ground truth`,
     ),
     ...unmatched("frames", `${left} have no row`, join.unmatchedFrames, join.unmatched.frames),
     ...unmatched(

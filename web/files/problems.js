@@ -4,6 +4,8 @@
 import { messageOf, reasonOf } from "../errors.js";
 
 /**
+ * @typedef {import("../errors.js").Reason} Reason
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
  * @typedef {{ label: string, run: () => void }} Action
  *
  * @typedef {object} Problem
@@ -95,13 +97,62 @@ export class Problems extends EventTarget {
  */
 
 /** The remedy for a fault, by the type of its reason. @type {Map<string, keyof Remedies>} */
-const REMEDIES = new Map([
-  ["nonFinite", "leaveOut"],
-  ["missingPoints", "leaveOut"],
-]);
+const REMEDIES = new Map([["nonFinite", "leaveOut"]]);
 
 /** @type {Record<keyof Remedies, string>} */
 const LABELS = { leaveOut: "Leave these frames out" };
+
+/**
+ * The other way to read a table that looks wrong, by the type of the reason: what it looks like,
+ * and how to read it then.
+ * @type {Map<string, { text: string, label: string, options: TableOptions }>}
+ */
+const READINGS = new Map([
+  [
+    "looksLikePixels",
+    {
+      text: "its coordinates look like pixels, but are read as ndc (−1 to +1)",
+      label: "Read as pixels",
+      options: { space: "px" },
+    },
+  ],
+  [
+    "looksLikeNdc",
+    {
+      text: "its coordinates look like ndc (−1 to +1), but are read as pixels",
+      label: "Read as ndc",
+      options: { space: "ndc" },
+    },
+  ],
+  [
+    "looksLikeFractions",
+    {
+      text:
+        "no coordinate is negative, as in a unit from 0 to 1; expected ndc, −1 to +1 across the " +
+        "image, or pixels",
+      label: "Read as pixels",
+      options: { space: "px" },
+    },
+  ],
+]);
+
+/**
+ * Asks how to read a table that looks as if it were in another unit.
+ * @param {Problems} problems
+ * @param {string} path
+ * @param {Reason[]} reasons of the table
+ * @param {(options: TableOptions) => void} read
+ */
+export function askForReading(problems, path, reasons, read) {
+  for (const { type } of reasons) {
+    const reading = READINGS.get(type);
+    if (!reading) continue;
+    problems.offer(`reading ${path}`, "warning", `${path}: ${reading.text}.`, {
+      label: reading.label,
+      run: () => read(reading.options),
+    });
+  }
+}
 
 /**
  * The button for an error, when its cause has a remedy that is at hand.

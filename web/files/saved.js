@@ -21,7 +21,12 @@ export class SavedEvaluation {
 
   /** @param {import("./sources.js").Source} source */
   static async parse(source) {
-    return new SavedEvaluation(parseEvaluation(await bytesOf(source), source.path));
+    const evaluation = parseEvaluation(await bytesOf(source), source.path);
+    const { tc } = evaluation;
+    if (!(tc >= 0 && tc <= 1)) {
+      throw new Error(`${source.path}: \`tc\` is ${tc}; expected a share from 0 to 1`);
+    }
+    return new SavedEvaluation(evaluation);
   }
 
   /** Contents of files give back what they hold in the package; this one holds nothing there. */
@@ -34,7 +39,7 @@ export class SavedEvaluation {
       !sequences && "errors by sequence",
       !heldOut && "held-out folds",
       !intervals && "intervals",
-      !context && "what others measure",
+      !context && "other metrics",
       !size && "errors in pixels",
     ].filter((text) => text !== false);
   }

@@ -77,7 +77,7 @@ export function capabilityView(session) {
   const element = h(
     "section",
     { class: "panel", "aria-labelledby": "capability-title" },
-    h("h3", { id: "capability-title" }, "If the thresholds were others"),
+    h("h3", { id: "capability-title" }, "Sensitivity to thresholds"),
     h(
       "p",
       { class: "hint-line" },

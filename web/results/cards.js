@@ -136,7 +136,7 @@ function factsOf(session, object, result) {
     );
   const interval = intervalOf(session, object);
   return [
-    evaluation?.held_out && fact("On the frames fitted on", significant(result.error)),
+    evaluation?.held_out && fact("Fitted on the same frames", significant(result.error)),
     evaluation?.held_out && interval && fact("95 % interval there", interval),
     fact("Best keypoint", best === null ? "–" : `no. ${best}`),
     second && fact("Second best", look(second.keypoint), ` ${significant(second.error)}`),
@@ -151,7 +151,7 @@ function factsOf(session, object, result) {
     ),
     fact("Frames used", `${integer(result.frames)} of ${integer(total)}`),
     left.length > 0 && fact("Left out", left.join(", ")),
-    result.outside > 0 && fact("Outside the image", `${integer(result.outside)}, they count`),
+    result.outside > 0 && fact("Outside the image", `${integer(result.outside)} (included)`),
   ];
 }
 
@@ -180,7 +180,7 @@ function equations({ a, b }) {
   });
   return [
     ...rows.map((row) => h("p", {}, h("code", {}, row))),
-    h("p", { class: "hint-line" }, "(u, v): the keypoint; (x, y): the object, ndc"),
+    h("p", { class: "hint-line" }, "(u, v) is the keypoint, (x, y) the object, both in ndc"),
   ];
 }
 

@@ -1,8 +1,8 @@
 // @ts-check
-/** What others measure of the same data, computed when it is looked at. */
+/** Metrics of other authors, computed when they are looked at. */
 
 import { fill, h } from "../ui/dom.js";
-import { integer, significant } from "../ui/format.js";
+import { fixed, integer, significant } from "../ui/format.js";
 import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
@@ -18,12 +18,7 @@ export function contextView(session) {
   const element = h(
     "details",
     { class: "panel context", id: "context", ontoggle: () => update() },
-    h(
-      "summary",
-      {},
-      h("h3", {}, "What others measure"),
-      " regression with PCK, min-cost assignment",
-    ),
+    h("summary", {}, h("h3", {}, "Other metrics"), " regression with PCK, min-cost assignment"),
     body,
   );
   const update = () => {
@@ -33,10 +28,7 @@ export function contextView(session) {
     if (now === key) return;
     key = now;
     const context = session.score.context();
-    fill(
-      body,
-      ...(context ? tables(context) : [h("p", {}, "The saved evaluation does not have them.")]),
-    );
+    fill(body, ...(context ? tables(context) : [h("p", {}, "The saved evaluation has none.")]));
   };
   return { element, update };
 }
@@ -112,5 +104,5 @@ function table(head, rows) {
 
 /** @param {number} share */
 function percent(share) {
-  return `${Number((100 * share).toFixed(1))} %`;
+  return `${fixed(100 * share, 1)} %`;
 }

@@ -1,5 +1,5 @@
 // @ts-check
-/** Taking the results away: files, and the command that repeats them. */
+/** Export of the results: files, and the command that repeats them. */
 
 import init, { evaluationCsv, evaluationPage } from "../pkg/index.js";
 import { announce, h, icon } from "../ui/dom.js";
@@ -56,7 +56,7 @@ export function exportView(session) {
   const element = h(
     "section",
     { class: "panel taking", "aria-labelledby": "taking-title" },
-    h("h3", { id: "taking-title" }, "Take it away"),
+    h("h3", { id: "taking-title" }, "Export"),
     h(
       "div",
       { class: "downloads" },
@@ -82,7 +82,7 @@ export function exportView(session) {
           save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
         ),
     ),
-    h("p", { class: "hint-line" }, "Figures are saved below each of them."),
+    h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
     repeat,
   );
   const update = () => {

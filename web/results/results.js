@@ -1,7 +1,6 @@
 // @ts-check
 /**
- * The results: tracking capability, a card per object, the figures, what others measure, and taking
- * it all away.
+ * The results: tracking capability, a card per object, the figures, other metrics, and the export.
  */
 
 import { announce, byId, fill, h } from "../ui/dom.js";

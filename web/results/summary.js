@@ -50,9 +50,10 @@ export function summaryView(session) {
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
-    if (heldOut)
-      interval.textContent = `On the frames fitted on ${fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
-    else
+    if (heldOut) {
+      const fitted = `Fitted on the same frames: ${fixed(evaluation.tc)}`;
+      interval.textContent = fitted + (known ? `, 95 % interval ${known}` : "");
+    } else
       interval.textContent = known
         ? `95 % interval ${known}`
         : session.score.resampling.intervals
@@ -133,7 +134,7 @@ function describeProtocol(session, evaluation) {
       "across the image).",
     size && `Pixels are those of images of ${size[0]}\u00a0×\u00a0${size[1]}.`,
     evaluation.excluded > 0 &&
-      `${count(evaluation.excluded, "frame")} with a keypoint that is not finite left out.`,
+      `${count(evaluation.excluded, "frame")} left out: a keypoint is missing or not finite.`,
   ]
     .filter(Boolean)
     .join(" ");
@@ -200,7 +201,7 @@ function protocolSelect(session) {
       disabled: most < 2,
       onchange: () => session.score.setResampling({ folds: Number(select.value) }),
     },
-    h("option", { value: "0", selected: session.score.folds === 0 }, "the frames fitted on"),
+    h("option", { value: "0", selected: session.score.folds === 0 }, "the same frames"),
     ...folds.map((n) =>
       h(
         "option",

@@ -33,7 +33,8 @@ export function significant(value, digits = 3) {
 
 /** @param {number} value */
 export function fixed(value, decimals = 2) {
-  return value.toFixed(decimals);
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
 /** @param {number} seconds */

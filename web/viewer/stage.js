@@ -2,7 +2,7 @@
 /** The frame on display: its image, its points, what the pointer is over. */
 
 import { h } from "../ui/dom.js";
-import { baseName } from "../ui/format.js";
+import { baseName, fixed } from "../ui/format.js";
 import { ImageCache } from "../files/image-cache.js";
 import { gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
@@ -209,7 +209,7 @@ function describe(session) {
   if (!series) return where;
   const point = (/** @type {Float64Array} */ points) => {
     const [x, y] = points.subarray(2 * frame, 2 * frame + 2);
-    return Number.isNaN(x) ? "not visible" : `at x ${x.toFixed(2)}, y ${y.toFixed(2)}`;
+    return Number.isNaN(x) ? "not visible" : `at x ${fixed(x)}, y ${fixed(y)}`;
   };
   return (
     `${where}: ${session.score.objects[object]} ${point(series.truth)}, keypoint ` +

@@ -248,7 +248,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     shows(&page, &expected, ERRORS).await;
     page.until("document.querySelector('#stage').dataset.picture?.startsWith('push.npz/seq_')")
         .await;
-    page.until(&format!("{FILES}.includes('a guess')")).await;
+    page.until(&format!("{FILES}.includes('assumed')")).await;
 
     // The same arrays packed, as np.savez_compressed does, and in an archive.
     let mut stored = ZipArchive::new(fs::File::open(&npz).expect("a file")).expect("an archive");
@@ -706,7 +706,7 @@ async fn files_are_replaced_and_removed_without_starting_over() {
     let images = files_of(&example("frames"), "frames/");
     folder.put(&name, &images[0].1);
     page.pick_folder(&folder.0.path().join("frames")).await;
-    page.until_text("took the place of those with the same path")
+    page.until_text("replaced earlier images of the same path")
         .await;
     page.value("document.querySelector('#problems [data-problem=replaced] button.link').click()")
         .await;
@@ -784,7 +784,7 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
         twice[start..start + 3].copy_from_slice(b"one");
     }
     page.pick(&[&folder.put("twice.zip", &twice)]).await;
-    page.until_text("had the path of another one in the same drop: twice.zip/one/gt.csv")
+    page.until_text("had the same path as another file in the drop: twice.zip/one/gt.csv")
         .await;
 
     // No archive at all, by its content.
