@@ -41,20 +41,19 @@ export function corrections(session, entry) {
   const grounds = reading ? [reading.space, reading.axisOrder, reading.indexBase] : [];
   const isGuess = grounds.some(({ by }) => by === "guess");
   const { role, by } = entry.taken;
-  return disclosure(`corrections ${entry.path}`, [summary, isGuess && guessMark()], () =>
-    h(
-      "div",
-      { class: "corrections" },
-      choice(
-        "Role",
-        "role",
-        rolesOf(entry).map((each) => [each, ROLES[each].title]),
-        { value: role, by },
-        (next) => void session.setRole(entry, /** @type {Slot | "unknown"} */ (next)),
-      ),
-      ...(isTableRole(entry) ? readingChoices(session, entry) : []),
+  const choices = h(
+    "div",
+    { class: "corrections" },
+    choice(
+      "Role",
+      "role",
+      rolesOf(entry).map((each) => [each, ROLES[each].title]),
+      { value: role, by },
+      (next) => void session.setRole(entry, /** @type {Slot | "unknown"} */ (next)),
     ),
+    ...(isTableRole(entry) ? readingChoices(session, entry) : []),
   );
+  return disclosure(`corrections ${entry.path}`, [summary, isGuess && guessMark()], choices);
 }
 
 /**

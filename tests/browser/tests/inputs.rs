@@ -747,7 +747,7 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
         );
     }
     page.pick(&[&folder.put("nested.zip", &nested)]).await;
-    page.until_text("lies in 3 other archives; expected at most 2")
+    page.until_text("nested in 3 other archives; expected at most 2")
         .await;
 
     // Cut short, and damaged inside.
