@@ -3,8 +3,10 @@
 
 import { announce, byId, fill, h, icon, notice } from "../ui/dom.js";
 import { save } from "../ui/download.js";
-import { baseName, count, duration, fixed, integer, significant } from "../ui/format.js";
+import { baseName, count, duration, integer } from "../ui/format.js";
+import { toPng } from "../ui/png.js";
 import { scrollRegion } from "../ui/scroll-region.js";
+import { tableView } from "./tables.js";
 
 /**
  * @typedef {import("./comparison.js").RunsComparison} RunsComparison
@@ -13,18 +15,6 @@ import { scrollRegion } from "../ui/scroll-region.js";
  * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
  * @typedef {import("../pkg/index.js").RunsReport} RunsReport
  */
-
-/**
- * A column of a table: its heading, what a row shows in it, and what it is sorted by.
- * @template T
- * @typedef {{ label: string, text: (row: T) => import("../ui/dom.js").Child, value?: (row: T) => string
- * | number | null,
- *   isText?: boolean, isGood?: (row: T) => boolean }} Column
- */
-
-const NONE = "–";
-/** Pixels of a PNG for one of the figure. */
-const PNG_SCALE = 2;
 
 /** @param {RunsComparison} comparison */
 export function showComparison(comparison) {
@@ -73,7 +63,7 @@ export function showComparison(comparison) {
         set && settings(comparison),
         ...notices(comparison, set, report),
       ),
-      ...(report && comparison.compared ? compared(comparison.compared, report, order) : []),
+      ...(comparison.compared ? compared(comparison.compared, order) : []),
       dropped(comparison, set),
     );
     if (focused) document.getElementById(focused)?.focus();
@@ -122,7 +112,7 @@ function settings(comparison) {
     .../** @type {[string, string][]} */ (set.settings.map((name) => [name, `Setting: ${name}`])),
   ];
   const describe = (/** @type {RunDataSet} */ { trained, runs, objects }) =>
-    `${count(runs.length, trained ? "training" : "scored detector", trained ? "trainings" : "scored detectors")} (${objects.join(", ")})`;
+    `${count(runs.length, trained ? "training" : "scored detector")} (${objects.join(", ")})`;
   return h(
     "div",
     { class: "settings" },
@@ -133,7 +123,7 @@ function settings(comparison) {
         dataSets.map((each, i) => [String(i), describe(each)]),
         String(options.dataSet),
       ),
-    select("compare-group", "Groups by", groupings, options.groupBy),
+    set.trained && select("compare-group", "Group by", groupings, options.groupBy),
     comparison.size > 0 &&
       h(
         "button",
@@ -245,14 +235,14 @@ function notices(comparison, set, report) {
 
 /**
  * @param {Compared} compared
- * @param {RunsReport} report
- * @param {{ column: number, down: boolean }} order
+ * @param {import("./tables.js").Order} order
  */
-function compared(compared, report, order) {
-  // Of groups with one run each, statistics over runs say nothing that the errors do not.
-  const hasSpread = report.groups.some((group) => group.complete > 1);
+function compared(compared, order) {
+  const { tables } = compared;
+  const runs = tables.filter(({ name }) => name === "runs");
+  const others = tables.filter(({ name }) => name !== "runs");
   return [
-    h("div", { class: "panel" }, ...(hasSpread ? statistics(report) : onlyErrors(report))),
+    h("div", { class: "panel" }, ...others.flatMap((table) => tableView(table, order))),
     h(
       "div",
       { class: "panel comparison-figures" },
@@ -261,261 +251,10 @@ function compared(compared, report, order) {
     h(
       "div",
       { class: "panel" },
-      h("h3", {}, "Runs"),
-      runTable(report, order),
-      downloads(compared, report),
+      ...runs.flatMap((table) => tableView(table, order)),
+      downloads(compared, compared.report),
     ),
   ];
-}
-
-/** @param {RunsReport} report */
-function statistics(report) {
-  return [
-    h("h3", {}, "Tracking capability"),
-    h(
-      "p",
-      { class: "hint-line" },
-      `The share of runs whose error is at most the threshold. Small figures: ${report.intervals}.`,
-    ),
-    capabilityTable(report),
-    h("h3", {}, "Tracking errors"),
-    h(
-      "p",
-      { class: "hint-line" },
-      "Mean squared distance in ndc. IQM: interquartile mean, trimmed as in rliable, and between " +
-        "the quartiles.",
-    ),
-    errorTable(report),
-  ];
-}
-
-/**
- * The error of every object and detector, where a group has one run at most.
- * @param {RunsReport} report
- */
-function onlyErrors(report) {
-  const objects = report.groups[0]?.objects ?? [];
-  const thresholds = objects.map(({ name, threshold }) => `${name} ${threshold}`).join(", ");
-  const cell = (/** @type {number | null | undefined} */ error, /** @type {number} */ threshold) =>
-    error !== null && error !== undefined && error <= threshold
-      ? h(
-          "span",
-          { class: "good" },
-          `${significant(error)} ✓`,
-          h("span", { class: "visually-hidden" }, " tracked"),
-        )
-      : significant(error);
-  return [
-    h("h3", {}, "Tracking errors"),
-    h(
-      "p",
-      { class: "hint-line" },
-      `Mean squared distance in ndc; ✓ tracked: at most the threshold (${thresholds}). Every ` +
-        "group has one run at most, so there are no statistics over runs.",
-    ),
-    table("only-errors-table", "Tracking errors by detector and object", [
-      ["Group", "TC", ...objects.map(({ name }) => name)],
-      ...report.groups.map(({ name, tc, runs }) => [
-        name,
-        tc === null ? NONE : fixed(tc),
-        ...objects.map(({ threshold }, k) => cell(runs[0]?.errors[k], threshold)),
-      ]),
-    ]),
-  ];
-}
-
-/**
- * @param {number | null} value
- * @param {[number, number] | null} interval
- * @param {number} digits
- */
-function withInterval(value, interval, digits) {
-  if (value === null) return [NONE];
-  const [low, high] = interval ?? [];
-  return [
-    fixed(value, digits),
-    low !== undefined &&
-      high !== undefined &&
-      h("small", {}, ` ${fixed(low, digits)}–${fixed(high, digits)}`),
-  ];
-}
-
-/** @param {RunsReport} report */
-function capabilityTable(report) {
-  const objects = report.groups[0]?.objects ?? [];
-  return table("capability-table", "Tracking capability by group", [
-    ["Group", "Runs", "Mean TC", ...objects.map(({ name }) => `TC ${name}`)],
-    ...report.groups.map((group) => [
-      group.name,
-      [
-        integer(group.complete),
-        group.incomplete.length > 0 && h("small", {}, ` +${group.incomplete.length} incomplete`),
-      ],
-      withInterval(group.tc, group.tc_interval, 3),
-      ...group.objects.map((object) => withInterval(object.tc, object.tc_interval, 2)),
-    ]),
-  ]);
-}
-
-/** @param {RunsReport} report */
-function errorTable(report) {
-  return table("error-table", "Tracking errors by group and object", [
-    [
-      "Group",
-      "Object",
-      "Mean",
-      "Variance",
-      "Median",
-      "Quartiles",
-      "IQM trimmed",
-      "IQM between quartiles",
-    ],
-    ...report.groups.flatMap((group) =>
-      group.objects.map((object, k) => [
-        k === 0 ? group.name : "",
-        object.name,
-        significant(object.mean),
-        significant(object.variance),
-        significant(object.quartiles?.[2]),
-        object.quartiles
-          ? `${significant(object.quartiles[1])}–${significant(object.quartiles[3])}`
-          : NONE,
-        withInterval(object.iqm_trimmed, object.iqm_interval, 4),
-        significant(object.iqm_window),
-      ]),
-    ),
-  ]);
-}
-
-/**
- * @param {string} id
- * @param {string} caption
- * @param {(import("../ui/dom.js").Child | import("../ui/dom.js").Child[])[][]} rows the first one is the
- * header
- */
-function table(id, caption, [header, ...rows]) {
-  const cells = (
-    /** @type {(import("../ui/dom.js").Child | import("../ui/dom.js").Child[])[]} */ row,
-  ) =>
-    row.map((cell, i) =>
-      i === 0 ? h("th", { scope: "row" }, ...[cell].flat()) : h("td", {}, ...[cell].flat()),
-    );
-  const element = h(
-    "table",
-    { id, class: "runs-table" },
-    h(
-      "thead",
-      {},
-      h("tr", {}, ...header.map((label) => h("th", { scope: "col" }, ...[label].flat()))),
-    ),
-    h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row)))),
-  );
-  return scrollRegion(h("div", { class: "table-scroll" }, element), caption);
-}
-
-/**
- * All runs, sorted by the column that is clicked.
- * @param {RunsReport} report
- * @param {{ column: number, down: boolean }} order
- */
-function runTable(report, order) {
-  const rows = report.groups.flatMap((group) =>
-    group.runs.map((run) => ({ group: group.name, objects: group.objects, ...run })),
-  );
-  /** @typedef {(typeof rows)[number]} Row */
-  const objects = report.groups[0]?.objects ?? [];
-  /** @type {Column<Row>[]} */
-  const columns = [
-    { label: "Run", text: ({ name }) => name, value: ({ name }) => name, isText: true },
-    { label: "Group", text: ({ group }) => group, value: ({ group }) => group, isText: true },
-    {
-      label: "Architecture",
-      text: ({ architecture }) => architecture,
-      value: ({ architecture }) => architecture,
-      isText: true,
-    },
-    {
-      label: "Seed",
-      text: ({ seed }) => (seed === null ? NONE : String(seed)),
-      value: ({ seed }) => seed,
-    },
-    {
-      label: "Epochs",
-      text: ({ epochs }) => (epochs === 0 ? NONE : integer(epochs)),
-      value: ({ epochs }) => epochs,
-    },
-    { label: "TC", text: ({ tc }) => fixed(tc), value: ({ tc }) => tc },
-    ...objects.map(({ name, threshold }, k) => ({
-      label: `Error ${name}`,
-      text: (/** @type {Row} */ { errors }) => significant(errors[k]),
-      value: (/** @type {Row} */ { errors }) => errors[k],
-      isGood: (/** @type {Row} */ { errors }) =>
-        errors[k] !== null && Number(errors[k]) <= threshold,
-    })),
-  ];
-  const body = h("tbody");
-  const headers = columns.map((column, i) => {
-    const button = h(
-      "button",
-      {
-        type: "button",
-        class: "sort",
-        onclick: () => {
-          order.down = order.column === i && !order.down;
-          order.column = i;
-          sort();
-        },
-      },
-      column.label,
-    );
-    return h("th", { scope: "col", class: column.isText ? "text" : "" }, button);
-  });
-  const sort = () => {
-    const { value } = columns[order.column] ?? columns[0];
-    const compare = (/** @type {Row} */ a, /** @type {Row} */ b) => {
-      const [x, y] = [value?.(a) ?? null, value?.(b) ?? null];
-      // What has no value is last, whichever way it is sorted.
-      if (x === null || y === null) return x === y ? 0 : x === null ? 1 : -1;
-      const difference =
-        typeof x === "number" && typeof y === "number"
-          ? x - y
-          : String(x).localeCompare(String(y), "en", { numeric: true });
-      return order.down ? -difference : difference;
-    };
-    const sorted = [...rows].sort(compare);
-    headers.forEach((header, i) => {
-      if (i === order.column)
-        header.setAttribute("aria-sort", order.down ? "descending" : "ascending");
-      else header.removeAttribute("aria-sort");
-    });
-    fill(
-      body,
-      ...sorted.map((row) =>
-        h(
-          "tr",
-          { data: { run: row.name } },
-          ...columns.map(({ text, isText, isGood }, i) =>
-            h(
-              i === 0 ? "th" : "td",
-              {
-                class: isText ? "text" : isGood?.(row) ? "good" : "",
-                scope: i === 0 ? "row" : null,
-              },
-              text(row),
-            ),
-          ),
-        ),
-      ),
-    );
-  };
-  sort();
-  const element = h(
-    "table",
-    { id: "run-table", class: "runs-table" },
-    h("thead", {}, h("tr", {}, ...headers)),
-    body,
-  );
-  return scrollRegion(h("div", { class: "table-scroll tall" }, element), "Runs");
 }
 
 /** @param {Figure} figure */
@@ -544,35 +283,6 @@ function figureView({ name, caption, svg }) {
       button("PNG", async () => save(`${name}.png`, "image/png", await toPng(svg))),
     ),
   );
-}
-
-/**
- * A figure as PNG.
- * @param {string} svg
- * @returns {Promise<Blob>}
- */
-async function toPng(svg) {
-  const url = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
-  try {
-    const image = new Image();
-    image.src = url;
-    await image.decode();
-    const canvas = h("canvas", {
-      width: image.width * PNG_SCALE,
-      height: image.height * PNG_SCALE,
-    });
-    const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-    context.drawImage(image, 0, 0, canvas.width, canvas.height);
-    return await new Promise((resolve, reject) =>
-      canvas.toBlob(
-        (blob) =>
-          blob ? resolve(blob) : reject(new Error("the browser makes no PNG of the figure")),
-        "image/png",
-      ),
-    );
-  } finally {
-    URL.revokeObjectURL(url);
-  }
 }
 
 /**

@@ -37,8 +37,9 @@ export async function fetchExample(onProgress) {
 async function get(path) {
   const response = await fetch(new URL(path, FOLDER)).catch(() => null);
   if (!response?.ok) {
+    const reason = response ? `status ${response.status}` : "no connection";
     throw new Error(
-      `The example's file ${path} could not be fetched (${response ? `status ${response.status}` : "no connection"}). ` +
+      `The example's file ${path} could not be fetched (${reason}). ` +
         "Try again when the server can be reached; your own files work without it.",
     );
   }

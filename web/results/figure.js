@@ -7,6 +7,7 @@
 import init from "../pkg/index.js";
 import { fill, h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
+import { toPng } from "../ui/png.js";
 import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
@@ -17,9 +18,8 @@ import { scrollRegion } from "../ui/scroll-region.js";
 /** In CSS pixels. */
 const FONT_SIZE = { usual: 13, narrow: 11 };
 const NARROW = 480;
-/** Of a saved figure, and pixels of a PNG for one of it. */
+/** The width of a saved figure. */
 const SAVED_WIDTH = 880;
-const PNG_SCALE = 2;
 
 /**
  * A figure with its links to save it, a layer over it for what reacts, and a tip.
@@ -114,29 +114,8 @@ function saveLinks(id, label, svg) {
     "div",
     { class: "figure-links" },
     link("SVG", (document) => save(`${id}.svg`, "image/svg+xml", document)),
-    link("PNG", (document) => void savePng(`${id}.png`, document)),
+    link("PNG", async (document) => save(`${id}.png`, "image/png", await toPng(document))),
   );
-}
-
-/**
- * @param {string} name
- * @param {string} svg
- */
-async function savePng(name, svg) {
-  const url = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
-  try {
-    const image = new Image();
-    image.src = url;
-    await image.decode();
-    const canvas = h("canvas", {
-      width: PNG_SCALE * image.naturalWidth,
-      height: PNG_SCALE * image.naturalHeight,
-    });
-    canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
-    canvas.toBlob((blob) => blob && save(name, "image/png", blob), "image/png");
-  } finally {
-    URL.revokeObjectURL(url);
-  }
 }
 
 /** @param {string} svg */

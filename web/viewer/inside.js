@@ -179,9 +179,8 @@ export class Inside {
       // Its state is unknown: the next question gets a fresh one.
       worker.terminate();
       this.#worker = null;
-      settle({
-        problem: `That could not be computed (${event.message || "the worker could not be started"}).`,
-      });
+      const reason = event.message || "the worker could not be started";
+      settle({ problem: `That could not be computed (${reason}).` });
     };
     try {
       worker.postMessage(await question);
