@@ -233,10 +233,12 @@ def recorded(
 
 
 Store = Callable[[Sequence], None]
+Shape = tuple[int, int, int]
+"""How many sequences, frames of each, and the side of a frame."""
 
 
 @contextmanager
-def png_store(folder: Path, _options: argparse.Namespace) -> Iterator[Store]:
+def png_store(folder: Path, _shape: Shape) -> Iterator[Store]:
     """Stores frames as 8-bit PNG, one folder a sequence."""
     count = 0
 
@@ -253,13 +255,13 @@ def png_store(folder: Path, _options: argparse.Namespace) -> Iterator[Store]:
 
 
 @contextmanager
-def npz_store(folder: Path, options: argparse.Namespace) -> Iterator[Store]:
+def npz_store(folder: Path, shape: Shape) -> Iterator[Store]:
     """Stores `frames` and `sites`, (x, y), as float32 in recording.npz; the frames are written as they come."""
-    shape = (options.sequences, options.sequence_length, options.size, options.size, 3)
+    sequences, length, size = shape
     sites: list[list[FloatArray]] = []
     with zipfile.ZipFile(folder / "recording.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         with archive.open("frames.npy", "w", force_zip64=True) as member:
-            header = {"descr": "<f4", "fortran_order": False, "shape": shape}
+            header = {"descr": "<f4", "fortran_order": False, "shape": (sequences, length, size, size, 3)}
             np.lib.format.write_array_header_1_0(member, header)
 
             def store(sequence: Sequence) -> None:
@@ -273,20 +275,20 @@ def npz_store(folder: Path, options: argparse.Namespace) -> Iterator[Store]:
 
 
 @contextmanager
-def hdf5_store(folder: Path, options: argparse.Namespace) -> Iterator[Store]:
+def hdf5_store(folder: Path, shape: Shape) -> Iterator[Store]:
     """Stores `images` and `keypoints`, (x, y), as float32 in recording.hdf5: what the authors' code reads."""
     count = 0
-    shape = (options.sequences, options.sequence_length)
-    frame = (options.size, options.size, 3)
+    sequences, length, size = shape
+    frame = (size, size, 3)
     with h5py.File(folder / "recording.hdf5", "w") as file:
         images = file.create_dataset(
             "images",
-            shape=(*shape, *frame),
+            shape=(sequences, length, *frame),
             dtype="f4",
             chunks=(1, 1, *frame),
             compression="gzip",
         )
-        keypoints = file.create_dataset("keypoints", shape=(*shape, len(SITES), 2), dtype="f4")
+        keypoints = file.create_dataset("keypoints", shape=(sequences, length, len(SITES), 2), dtype="f4")
 
         def store(sequence: Sequence) -> None:
             nonlocal count
@@ -332,7 +334,7 @@ def episode_store(folder: Path) -> Iterator[Store]:
         yield store
 
 
-FORMATS: dict[str, Callable[[Path, argparse.Namespace], AbstractContextManager[Store]]] = {
+FORMATS: dict[str, Callable[[Path, Shape], AbstractContextManager[Store]]] = {
     "png": png_store,
     "npz": npz_store,
     "hdf5": hdf5_store,
@@ -342,11 +344,12 @@ FORMATS: dict[str, Callable[[Path, argparse.Namespace], AbstractContextManager[S
 def record(options: argparse.Namespace, folder: Path) -> None:
     """Records into an empty folder."""
     statistics = Statistics()
+    shape = (options.sequences, options.sequence_length, options.size)
     with ExitStack() as stack:
         environment = Environment(options.size, meshes=options.meshes)
         stack.callback(environment.close)
         stores = [
-            stack.enter_context(FORMATS[options.format](folder, options)),
+            stack.enter_context(FORMATS[options.format](folder, shape)),
             stack.enter_context(truth_store(folder)),
             stack.enter_context(episode_store(folder)),
         ]
