@@ -296,7 +296,7 @@ fn what_is_wrong_is_told_with_its_place() {
         ("frame,a_x,a_y\n".to_owned(), &["no rows"]),
         (
             "frame,a_x,a_y\n0,0,0\n0,1,1\n".to_owned(),
-            &["line 3", "stands already in line 2"],
+            &["line 3", "is already in line 2"],
         ),
         (
             "scorer,a,a\nbodyparts,b,b\n".to_owned(),
