@@ -2,12 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use serde::Serialize;
+
 use super::names::{cleaned, is_image, natural, numbers, original, stem};
 use crate::error::{Error, Result};
 use crate::track::FrameKey;
 
 /// A run of consecutive frames of one sequence.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SequenceRange {
     /// The name of the sequence.
     pub name: String,

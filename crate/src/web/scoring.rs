@@ -7,7 +7,8 @@ use js_sys::{Float64Array, Object, Reflect};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::frames::{FrameIndex, JsJoin, sequences_to_js};
+use super::frames::FrameIndex;
+use super::join::JsJoin;
 use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
@@ -183,7 +184,7 @@ impl Scoring {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(getter)]
     pub fn sequences(&self) -> JsResult<JsValue> {
-        sequences_to_js(data::ranges(self.scoring.keys()))
+        to_js(&data::ranges(self.scoring.keys()))
     }
 
     /// The frame number of every joined frame.
