@@ -10,6 +10,7 @@ use clap::Args;
 
 use super::hints::hint;
 use crate::checkpoint::Checkpoint;
+use crate::command_line;
 use crate::data::{
     AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Notice, Recording, Space, Table,
     TableOptions, ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
@@ -52,7 +53,7 @@ pub(super) struct TruthArguments {
     index_base: Option<u64>,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
-    #[arg(long, value_name = "WxH", value_parser = super::values::parse_size)]
+    #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::values::parse_size)]
     pub image_size: Option<[u32; 2]>,
 }
 
