@@ -28,6 +28,15 @@ pub trait FrameSource: Send + Sync {
         &[]
     }
 
+    /// Compares the checksum of all frames together, where the source has one: reading frame by
+    /// frame does not.
+    ///
+    /// # Errors
+    /// When it differs.
+    fn verify(&self) -> Result<()> {
+        Ok(())
+    }
+
     /// Whether some frames are floats, which 8 bits would quantise.
     fn has_floats(&self) -> bool {
         false
