@@ -5,11 +5,11 @@ use std::sync::{Arc, OnceLock};
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use crate::data::{Join, SequenceRange, join, ranges};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
     Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
-    Settings, deal, held_out,
+    Settings, deal, farthest_frame, held_out,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
@@ -151,6 +151,18 @@ impl Scoring {
     ) -> Result<Evaluation> {
         self.moments
             .evaluate(&self.thresholds(thresholds)?, settings)
+            .map_err(|e| self.located(e))
+    }
+
+    /// A numeric error with the frame that is to blame for it, if one is.
+    fn located(&self, error: Error) -> Error {
+        if error.kind() != ErrorKind::Numeric {
+            return error;
+        }
+        match farthest_frame(self.keypoints.view(), self.truth_ndc.view()) {
+            Some((t, value)) => error.at(format!("{} (coordinate {value:e})", self.keys[t])),
+            None => error,
+        }
     }
 
     /// Scores every fold of the sequences with maps and best keypoints of the others; see
@@ -166,7 +178,7 @@ impl Scoring {
         settings: &Settings,
     ) -> Result<HeldOut> {
         let objects = self.thresholds(thresholds)?;
-        held_out(&self.sequences()?, folds, seed, &objects, settings)
+        held_out(&self.sequences()?, folds, seed, &objects, settings).map_err(|e| self.located(e))
     }
 
     /// 95 % intervals over the sequences; see [`Bootstrap`].
@@ -181,7 +193,9 @@ impl Scoring {
         settings: &Settings,
     ) -> Result<Intervals> {
         let (mut bootstrap, sequences) = self.start_bootstrap(seed, thresholds, settings)?;
-        bootstrap.draw(&sequences, resamples)?;
+        bootstrap
+            .draw(&sequences, resamples)
+            .map_err(|e| self.located(e))?;
         bootstrap.finish()
     }
 
@@ -203,8 +217,13 @@ impl Scoring {
     /// sequences to them also on frames that were not fitted.
     ///
     /// # Errors
-    /// When there are fewer than two folds, or fewer sequences than folds.
+    /// When there are fewer than two folds, or fewer sequences than folds, or a value is beyond the
+    /// range of f64.
     pub fn context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
+        self.measure_context(folds).map_err(|e| self.located(e))
+    }
+
+    fn measure_context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
         let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
         let sequences = ranges(&self.keys);
         let held_out_regression = folds
@@ -295,7 +314,11 @@ impl Scoring {
                 "there is no object {k} with keypoint {n}; expected objects below {objects}, keypoints below {keypoints}"
             )));
         }
-        let fit: Fit = self.moments.fit(n, k, settings).ok_or_else(|| {
+        let fit = self
+            .moments
+            .fit(n, k, settings)
+            .map_err(|e| self.located(e))?;
+        let fit: Fit = fit.ok_or_else(|| {
             Error::numeric(format!(
                 "object `{}` is visible in no frame: there is no map to it",
                 self.names[k]

@@ -3,6 +3,7 @@
 use ndarray::ArrayView2;
 
 use super::moments::{Moments, ObjectMoments};
+use super::scale::{exponent, times_power};
 use crate::error::{Error, Result};
 
 /// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
@@ -66,6 +67,11 @@ struct Block {
 #[derive(Debug, Clone)]
 struct Centred {
     visible: Vec<usize>,
+    /// The largest magnitudes of the keypoints.
+    peak: [Vec<f64>; 2],
+    /// The keypoints of the block divided by the powers of two of their exponents, where one is
+    /// not 0.
+    scaled: [Vec<f64>; 2],
     mean: [Vec<f64>; 2],
     keypoint: [Vec<f64>; 2],
     squares: [Vec<f64>; 3],
@@ -93,6 +99,8 @@ impl Accumulator {
             },
             scratch: Centred {
                 visible: Vec::with_capacity(BLOCK),
+                peak: [row(), row()],
+                scaled: [Vec::new(), Vec::new()],
                 mean: [row(), row()],
                 keypoint: [block(), block()],
                 squares: [row(), row(), row()],
@@ -270,7 +278,10 @@ impl Centred {
     fn centre(&mut self, keypoint: &[Vec<f64>; 2], stride: usize) {
         let count = self.visible.len();
         let first = self.visible[0] * stride;
+        let n = self.moments.cross[0].len();
         for (axis, source) in keypoint.iter().enumerate() {
+            let scaled = self.scale(axis, source, stride, n);
+            let source = if scaled { &self.scaled[axis] } else { source };
             let pivot = &source[first..first + stride];
             let mean = &mut self.mean[axis][..];
             mean.fill(0.0);
@@ -311,7 +322,6 @@ impl Centred {
             }
         }
         let moments = &mut self.moments;
-        let n = moments.cross[0].len();
         moments.frames = count as u64;
         for axis in 0..2 {
             moments.keypoint_mean[axis].copy_from_slice(&self.mean[axis][..n]);
@@ -321,27 +331,74 @@ impl Centred {
         }
     }
 
+    /// Finds the exponents of the keypoints along `axis`. Fills and chooses `scaled` if one is not
+    /// 0: zeros need no scaling.
+    #[inline(always)]
+    fn scale(&mut self, axis: usize, source: &[f64], stride: usize, n: usize) -> bool {
+        let peak = &mut self.peak[axis][..];
+        peak.fill(0.0);
+        for t in &self.visible {
+            for (peak, z) in peak.iter_mut().zip(&source[t * stride..(t + 1) * stride]) {
+                let z = z.abs();
+                *peak = if z > *peak { z } else { *peak };
+            }
+        }
+        let exponents = &mut self.moments.keypoint_exponent[axis];
+        let mut scaled = false;
+        for (e, peak) in exponents.iter_mut().zip(peak.iter()) {
+            *e = exponent(*peak);
+            scaled |= *e != 0 && *peak != 0.0;
+        }
+        if scaled {
+            let to = &mut self.scaled[axis];
+            to.clear();
+            to.extend_from_slice(source);
+            for row in to.chunks_exact_mut(stride) {
+                for (z, e) in row[..n].iter_mut().zip(exponents.iter()) {
+                    *z = times_power(*z, -*e);
+                }
+            }
+        }
+        scaled
+    }
+
     /// Adds the moments of one object's `truth` in the same frames.
     #[inline(always)]
     fn with_truth(&mut self, truth: &[[f64; 2]], stride: usize) {
-        let pivot = truth[self.visible[0]];
-        let count = self.visible.len() as f64;
-        let mut mean = [0.0; 2];
+        let mut peak = [0.0; 2];
         for t in &self.visible {
             for axis in 0..2 {
-                mean[axis] += truth[*t][axis] - pivot[axis];
+                let x: f64 = truth[*t][axis].abs();
+                peak[axis] = if x > peak[axis] { x } else { peak[axis] };
+            }
+        }
+        let exponents = peak.map(exponent);
+        self.truth.clear();
+        self.truth.extend(self.visible.iter().map(|t| truth[*t]));
+        for axis in (0..2).filter(|axis| exponents[*axis] != 0) {
+            for point in &mut self.truth {
+                point[axis] = times_power(point[axis], -exponents[axis]);
+            }
+        }
+        let pivot = self.truth[0];
+        let count = self.visible.len() as f64;
+        let mut mean = [0.0; 2];
+        for point in &self.truth {
+            for axis in 0..2 {
+                mean[axis] += point[axis] - pivot[axis];
             }
         }
         for axis in 0..2 {
             mean[axis] = pivot[axis] + mean[axis] / count;
         }
-        let deviation = |t: &usize| [truth[*t][0] - mean[0], truth[*t][1] - mean[1]];
-        self.truth.clear();
-        self.truth.extend(self.visible.iter().map(deviation));
+        for point in &mut self.truth {
+            *point = [point[0] - mean[0], point[1] - mean[1]];
+        }
 
         let moments = &mut self.moments;
         let outside = |t: &&usize| truth[**t].iter().any(|v| v.abs() > 1.0);
         moments.outside = self.visible.iter().filter(outside).count() as u64;
+        moments.truth_exponent = exponents;
         moments.truth_mean = mean;
         moments.truth_squares =
             [0, 1].map(|axis| self.truth.iter().map(|d| d[axis] * d[axis]).sum());

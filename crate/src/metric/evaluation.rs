@@ -99,18 +99,24 @@ impl Moments {
     /// The fitted map of keypoint `n` to object `k`, or `None` when the object is visible in no
     /// frame.
     ///
+    /// # Errors
+    /// When the map or its error is beyond the range of f64.
+    ///
     /// # Panics
     /// When `n` or `k` is out of range.
-    pub fn fit(&self, n: usize, k: usize, settings: &Settings) -> Option<Fit> {
+    pub fn fit(&self, n: usize, k: usize, settings: &Settings) -> Result<Option<Fit>> {
         let object = &self.objects[k];
-        (object.frames > 0).then(|| map::fit(&object.pair(n), settings.transform, settings.rank))
+        (object.frames > 0)
+            .then(|| map::fit(&object.pair(n), settings.transform, settings.rank))
+            .transpose()
     }
 
     /// Tracking errors, best keypoints and TC.
     ///
     /// # Errors
-    /// When there is no keypoint, no object or no frame, when the number of `objects` is not K, or
-    /// when a threshold is not a positive number.
+    /// When there is no keypoint, no object or no frame, when the number of `objects` is not K,
+    /// when a threshold is not a positive number, or when a map or an error is beyond the range of
+    /// f64 ([`farthest_frame`](super::farthest_frame) finds the frame).
     pub fn evaluate(&self, objects: &[Object], settings: &Settings) -> Result<Evaluation> {
         if objects.len() != self.objects.len() {
             return Err(Error::mismatch(format!(
@@ -147,7 +153,8 @@ impl Moments {
         for (k, object) in objects.iter().enumerate() {
             let mut best: Option<Best> = None;
             for n in 0..self.keypoints {
-                let Some(fit) = self.fit(n, k, settings) else {
+                let named = |e: Error| e.at(format!("keypoint {n} with object `{}`", object.name));
+                let Some(fit) = self.fit(n, k, settings).map_err(named)? else {
                     continue;
                 };
                 errors[[k, n]] = fit.error();
