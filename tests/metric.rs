@@ -3,6 +3,8 @@
 
 #[path = "metric/range.rs"]
 mod range;
+#[path = "metric/sufficiency.rs"]
+mod sufficiency;
 
 use ndarray::{Array2, Array3, ArrayView3, Axis, Slice};
 use proptest::prelude::*;

@@ -38,12 +38,14 @@ mod moments;
 mod scale;
 mod sequences;
 pub mod stats;
+mod sufficiency;
 
 pub use accumulator::{Accumulator, NonFinite};
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};
 pub use map::{AffineMap, Fit, Rank, Transform};
 pub use moments::Moments;
 pub use sequences::{Bootstrap, HeldOut, HeldOutObject, Intervals, bootstrap, deal, held_out};
+pub use sufficiency::{CHANCE, Needed, Sufficiency, sufficiency};
 
 use ndarray::{ArrayView3, Axis};
 
