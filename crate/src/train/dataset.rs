@@ -7,10 +7,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use ndarray::{Array3, ArrayView2, Axis};
 use rayon::prelude::*;
 
-use super::{SNIPPET, TargetFilter, TrainConfig};
+use super::SNIPPET;
 use crate::data::{self, BLOCK, Filter, FrameSource, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
+use crate::run::{TargetFilter, TrainConfig};
 use crate::track::GroundTruth;
 
 /// What decoded frames may take in memory unless told otherwise, in bytes: 4 GiB.

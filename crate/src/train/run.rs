@@ -16,19 +16,17 @@ use serde_json::Value;
 use super::events::Events;
 use super::state::{self, Progress};
 use super::validation::Validation;
-use super::{
-    BackgroundStart, CONFIG, Dataset, EpochLog, LOG, Losses, RunConfig, SNIPPET, SUMMARY, Sequence,
-    TrainConfig, TrainSummary, Trainer, read_log,
-};
+use super::{Dataset, SNIPPET, Sequence, Trainer};
 use crate::atomic;
 use crate::checkpoint::{BACKGROUND, Checkpoint};
 use crate::error::{Error, ErrorKind, Result};
+use crate::evaluation::EvaluationReport;
 use crate::event::{Cancel, Event};
 use crate::model::{OpenDevice, open};
-use crate::report::EvaluationReport;
-
-const BEST: &str = "checkpoint_best.safetensors";
-const FINAL: &str = "checkpoint_final.safetensors";
+use crate::run::{
+    BackgroundStart, CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, EpochLog, LOG, Losses, RunConfig,
+    STATE, SUMMARY, TrainConfig, TrainSummary, read_log,
+};
 
 /// What to do with a folder that holds a run already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -226,8 +224,10 @@ impl<'a> RunFolder<'a> {
         run: &RunConfig,
         config: &TrainConfig,
     ) -> Result<Self> {
-        let has_state = path.join(state::FILE).exists();
-        if options.existing == Existing::Refuse && (has_state || path.join(FINAL).exists()) {
+        let has_state = path.join(STATE).exists();
+        if options.existing == Existing::Refuse
+            && (has_state || path.join(CHECKPOINT_FINAL).exists())
+        {
             return Err(Error::input(format!(
                 "{} holds a run already; resume it (--resume), give another folder, or delete it",
                 path.display()
@@ -343,9 +343,9 @@ impl<'a> RunFolder<'a> {
         ]);
         let checkpoint = trainer.checkpoint(metadata)?.to_safetensors()?;
         if is_best {
-            atomic::write(&self.path.join(BEST), &checkpoint)?;
+            atomic::write(&self.path.join(CHECKPOINT_BEST), &checkpoint)?;
         }
-        atomic::write(&self.path.join(FINAL), &checkpoint)?;
+        atomic::write(&self.path.join(CHECKPOINT_FINAL), &checkpoint)?;
         progress.summary.epochs = entry.epoch;
         progress.summary.last = Some(entry);
         progress.summary.evaluation = Some(evaluation);

@@ -7,13 +7,12 @@ use std::path::Path;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{TrainSummary, Trainer};
+use super::Trainer;
 use crate::atomic;
 use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
+use crate::run::{STATE, TrainSummary};
 
-/// The file in the run folder.
-pub(super) const FILE: &str = "state.safetensors";
 /// The tensors of bytes that hold the optimizer's state and the weights: both are files of their
 /// own, kept in one, so that they belong together whenever the process ends.
 const OPTIMIZER: &str = "optimizer.bpk";
@@ -45,12 +44,12 @@ pub(super) fn save(folder: &Path, trainer: &Trainer, progress: &Progress) -> Res
     let tensors = [(WEIGHTS, view(&weights)?), (OPTIMIZER, view(&optimizer)?)];
     let header = HashMap::from([(PROGRESS.to_owned(), json)]);
     let bytes = safetensors::serialize(tensors, Some(header)).map_err(|e| failed(&e))?;
-    atomic::write(&folder.join(FILE), &bytes)
+    atomic::write(&folder.join(STATE), &bytes)
 }
 
 /// Reads the state of a run: its progress, its weights, and the state of its optimizer.
 pub(super) fn load(folder: &Path) -> Result<(Progress, Checkpoint, Vec<u8>)> {
-    let path = folder.join(FILE);
+    let path = folder.join(STATE);
     let bytes = fs::read(&path).map_err(|e| Error::io(path.display(), &e))?;
     let read = || {
         let damaged = |e: &dyn std::fmt::Display| {
