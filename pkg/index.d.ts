@@ -343,6 +343,21 @@ export interface ObjectEvaluation {
   map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
 }
 
+/** What a recording can say about one object. */
+export interface Sufficiency {
+  name: string;
+  /** The mean squared distance of the object from its mean position, ndc. */
+  variance: number;
+  /** Independent observations that its frames amount to. */
+  observations: number;
+  /** A bound on the probability that random keypoints pass for tracking. */
+  chance: number;
+  /** Whether `chance` is at most 0.05. */
+  known: boolean;
+  /** What would be enough; `null` where it is, or the variance is not above the threshold. */
+  needed: { frames: number; sequences: number | null } | null;
+}
+
 /** Held-out folds: maps and best keypoints are of the other folds. */
 export interface HeldOut {
   folds: number;
@@ -380,11 +395,12 @@ export interface Context {
 
 /** The result, as `tracklens score --json` prints it; `docs/metrics.md` describes every field. */
 export interface Evaluation {
-  schema: "tracklens/evaluation/2";
+  schema: "tracklens/evaluation/3";
   version: string;
   /** The command that repeats it. */
   command?: string;
-  tc: number;
+  /** `null`: an object has not enough data to tell tracking from chance; see `sufficiency` and `warnings`. */
+  tc: number | null;
   frames: number;
   /** Frames left out because a keypoint was not finite. */
   excluded: number;
@@ -403,6 +419,8 @@ export interface Evaluation {
     unmatched_frames: { count: number; first: string[] };
     unmatched_rows: { count: number; first: string[] };
   };
+  /** Whether the data were enough to tell tracking from chance, by object. */
+  sufficiency?: Sufficiency[];
   /** With `folds`. */
   held_out?: HeldOut;
   /** With `bootstrap`. */

@@ -93,7 +93,7 @@ impl Tables {
 fn score_prints_the_documented_json() {
     let tables = Tables::new();
     let result = json(&tables.score(&["--image-size", "200x100"]));
-    assert_eq!(result["schema"], "tracklens/evaluation/2");
+    assert_eq!(result["schema"], "tracklens/evaluation/3");
     assert_eq!(
         (&result["transform"], &result["rank"]),
         (&"affine".into(), &"reference".into())
@@ -236,8 +236,11 @@ fn other_sequences_are_asked_for() {
     );
     assert_eq!(result["intervals"]["resamples"], 50);
     assert_eq!(result["intervals"]["tc"][1], 1.0);
-    let plain = json(&tables.score(&[]));
+    let plain = json(&tables.score(&["--folds", "0"]));
     assert!(plain.get("held_out").is_none() && plain.get("intervals").is_none());
+    // By default one fold a sequence, up to five.
+    let default = json(&tables.score(&[]));
+    assert_eq!(default["held_out"]["folds"], 3);
     assert_eq!(plain["objects"], result["objects"]);
     let too_many = tables.score(&["--folds", "4"]);
     assert!(

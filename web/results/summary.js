@@ -41,13 +41,14 @@ export function summaryView(session) {
     const { evaluation, intervals } = session;
     if (!evaluation) return;
     const heldOut = evaluation.held_out;
-    value.textContent = fixed(heldOut?.tc ?? evaluation.tc);
-    value.dataset.tc = String(heldOut?.tc ?? evaluation.tc);
+    const tc = heldOut?.tc ?? evaluation.tc;
+    value.textContent = tc === null ? "unknown" : fixed(tc);
+    value.dataset.tc = String(tc);
     share.textContent = tally(heldOut?.objects ?? evaluation.objects);
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
-    if (heldOut) interval.textContent = `On the frames fitted on ${fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
+    if (heldOut) interval.textContent = `On the frames fitted on ${evaluation.tc === null ? "unknown" : fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
     else interval.textContent = known ? `95 % interval ${known}` : session.resampling.intervals ? "Drawing the 95 % interval …" : "";
     protocol.textContent = describeProtocol(session, evaluation);
     fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));

@@ -10,7 +10,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
     Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
-    Settings, deal, farthest_frame, held_out,
+    Settings, Sufficiency, deal, farthest_frame, held_out, sufficiency,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
@@ -114,29 +114,27 @@ impl Scoring {
         self.keys.chunk_by(|a, b| a.sequence == b.sequence).count()
     }
 
-    /// Objects that hardly move within the sequences, where there are fewer than ten (and more than
-    /// one): their positions are hardly more than the sequences, and an affine map goes through
-    /// three of them whatever the keypoint does. Hardly: less than a twentieth of an object's
-    /// variance lies within the sequences.
+    /// Whether there is enough data to score each object; see [`sufficiency`].
     ///
     /// # Errors
-    /// As [`Scoring::new`].
-    pub fn hardly_moving(&self) -> Result<Vec<usize>> {
-        const FEW: usize = 10;
-        const SHARE: f64 = 0.05;
-        if !(2..FEW).contains(&self.sequence_count()) {
-            return Ok(Vec::new());
-        }
-        let mut within = vec![0.0; self.names.len()];
-        for moments in self.sequences()?.iter() {
-            for (sum, squares) in within.iter_mut().zip(moments.object_squares()) {
-                *sum += squares;
+    /// As [`Scoring::evaluate`].
+    pub fn sufficiency(&self, thresholds: &Thresholds) -> Result<Vec<Sufficiency>> {
+        let objects = self.with(thresholds)?;
+        let mut truth = self.truth_ndc.clone();
+        if self.policy == NonFinite::ExcludeFrame {
+            let frames = truth.outer_iter_mut().zip(self.keypoints.outer_iter());
+            for (mut truth, keypoints) in frames {
+                if keypoints.iter().any(|v| !v.is_finite()) {
+                    truth.fill(f64::NAN);
+                }
             }
         }
-        let all = self.moments.object_squares();
-        let objects = within.iter().zip(&all).enumerate();
-        let hardly = objects.filter(|(_, (within, all))| **within < SHARE * **all);
-        Ok(hardly.map(|(k, _)| k).collect())
+        let sequences: Vec<_> = ranges(&self.keys)
+            .into_iter()
+            .map(|range| range.start..range.start + range.length)
+            .collect();
+        sufficiency(truth.view(), &sequences, self.keypoints.dim().1, &objects)
+            .map_err(|e| self.located(e))
     }
 
     /// Scores with `thresholds`.

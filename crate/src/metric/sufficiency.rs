@@ -22,6 +22,7 @@ const EVERY_LAG: usize = 64;
 
 /// What a recording can say about one object.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "data", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sufficiency {
     /// The name of the object.
     pub name: String,
@@ -33,6 +34,7 @@ pub struct Sufficiency {
     /// the objects, were all objects like this one.
     pub chance: f64,
     /// Whether that is at most [`CHANCE`].
+    #[cfg_attr(feature = "data", serde(rename = "known"))]
     pub is_known: bool,
     /// What would be enough; `None` when this is, or when no number of frames is because the
     /// variance is not above the threshold.
@@ -41,6 +43,7 @@ pub struct Sufficiency {
 
 /// The size of a recording that would be enough, with objects that move like these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "data", derive(serde::Serialize, serde::Deserialize))]
 pub struct Needed {
     /// Frames that show the object.
     pub frames: u64,
