@@ -1,6 +1,8 @@
 //! The metric against the authors' code (`golden/metric`, computed by it in float32 with PyTorch)
 //! and against properties it must have.
 
+#[path = "metric/missing.rs"]
+mod missing;
 #[path = "metric/range.rs"]
 mod range;
 #[path = "metric/sufficiency.rs"]
@@ -64,7 +66,11 @@ fn objects(count: usize) -> Vec<Object> {
 }
 
 fn settings(transform: Transform, rank: Rank) -> Settings {
-    Settings { transform, rank }
+    Settings {
+        transform,
+        rank,
+        ..Settings::default()
+    }
 }
 
 fn score(keypoints: ArrayView3<f64>, truth: ArrayView3<f64>, settings: Settings) -> Evaluation {

@@ -147,7 +147,7 @@ proptest! {
         let z = uniform.points(frames, [keypoint; 2]);
         let x = uniform.points(frames, [object.0, object.1]);
         let Some(expected) = exact_fit(&z, &x) else { return Ok(()) };
-        let settings = Settings { transform: Transform::Affine, rank: Rank::Centred };
+        let settings = Settings { transform: Transform::Affine, rank: Rank::Centred, ..Settings::default() };
         let found = evaluate(z.view(), x.view(), &one_object(), NonFinite::Error, &settings);
         let rows_fit = expected.a.iter().all(|row| {
             row.iter().all(|v| rounded(v).is_finite()) && row.iter().any(fits)
@@ -198,7 +198,7 @@ proptest! {
         let x = uniform.points(frames, [object.0, object.1]);
         let Some(expected) = exact_fit(&z, &x) else { return Ok(()) };
         let transform = if scale { Transform::ScaleTranslate } else { Transform::Affine };
-        let settings = Settings { transform, rank: Rank::Reference };
+        let settings = Settings { transform, rank: Rank::Reference, ..Settings::default() };
         let found = evaluate(z.view(), x.view(), &one_object(), NonFinite::Error, &settings);
         let Ok(found) = found else { return Ok(()) };
         let all: BigRational = x.iter().map(|v| exact(*v) * exact(*v)).sum();
@@ -223,7 +223,7 @@ proptest! {
         let mut z = uniform.points(frames, [keypoint.0, keypoint.1]);
         let x = uniform.points(frames, [object.0, object.1]);
         z[[frames / 2, 0, 1]] = times_power(uniform.next(), outlier);
-        let settings = Settings { transform: Transform::Identity, rank: Rank::Reference };
+        let settings = Settings { transform: Transform::Identity, rank: Rank::Reference, ..Settings::default() };
         let found = evaluate(z.view(), x.view(), &one_object(), NonFinite::Error, &settings);
         let squares = |points: &Array3<f64>| -> BigRational {
             points.iter().map(|v| exact(*v) * exact(*v)).sum()
@@ -266,7 +266,7 @@ proptest! {
         points[1][0][[0, 0, 0]] = times_power(uniform.next(), outlier);
         let parts: Vec<Moments> =
             points.iter().map(|[z, x]| moments(z.view(), x.view())).collect();
-        let settings = Settings { transform: Transform::Affine, rank: Rank::Centred };
+        let settings = Settings { transform: Transform::Affine, rank: Rank::Centred, ..Settings::default() };
         let (mut sum, mut size) = (BigRational::zero(), BigRational::zero());
         for own in 0..2 {
             let Ok(others) = parts[1 - own].evaluate(&one_object(), &settings) else {
@@ -314,7 +314,7 @@ proptest! {
         let x = Array3::from_shape_vec((9, 1, 2), values[36..].to_vec()).expect("the shape");
         for transform in Transform::ALL {
             for rank in Rank::ALL {
-                let settings = Settings { transform: *transform, rank: *rank };
+                let settings = Settings { transform: *transform, rank: *rank, ..Settings::default() };
                 let (z, x) = (z.view(), x.view());
                 match evaluate(z, x, &one_object(), NonFinite::Error, &settings) {
                     Ok(found) => {
@@ -392,6 +392,7 @@ fn one_coordinate_far_outside_is_refused_with_its_frame() {
             let settings = Settings {
                 transform: *transform,
                 rank: Rank::Reference,
+                ..Settings::default()
             };
             let found = evaluate(
                 z.view(),

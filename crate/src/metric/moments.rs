@@ -1,5 +1,7 @@
 //! Centred first and second moments of keypoints and objects, and their exact merge.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::scale::{ZERO, times_power};
 
 /// The axes of [`ObjectMoments::keypoint_squares`].
@@ -28,6 +30,9 @@ pub(super) struct ObjectMoments {
     pub keypoint_squares: [Vec<f64>; 3],
     /// Sums of products: keypoint x with truth x, y; keypoint y with truth x, y.
     pub cross: [Vec<f64>; 4],
+    /// The moments of each keypoint that is missing in a frame, by itself and over its own frames;
+    /// they count in place of those above.
+    pub partial: BTreeMap<usize, ObjectMoments>,
 }
 
 impl ObjectMoments {
@@ -43,12 +48,50 @@ impl ObjectMoments {
             keypoint_mean: [zeros(), zeros()],
             keypoint_squares: [zeros(), zeros(), zeros()],
             cross: [zeros(), zeros(), zeros(), zeros()],
+            partial: BTreeMap::new(),
+        }
+    }
+
+    /// The moments of keypoint `n` by itself, to be changed: from now on it has frames of its own.
+    pub fn part(&mut self, n: usize) -> &mut Self {
+        if !self.partial.contains_key(&n) {
+            self.partial.insert(n, self.one(n));
+        }
+        self.partial.entry(n).or_insert_with(|| Self::new(1))
+    }
+
+    /// The moments of keypoint `n` by itself.
+    fn one(&self, n: usize) -> Self {
+        if let Some(part) = self.partial.get(&n) {
+            return part.clone();
+        }
+        Self {
+            frames: self.frames,
+            outside: self.outside,
+            truth_exponent: self.truth_exponent,
+            keypoint_exponent: self.keypoint_exponent.each_ref().map(|v| vec![v[n]]),
+            truth_mean: self.truth_mean,
+            truth_squares: self.truth_squares,
+            keypoint_mean: self.keypoint_mean.each_ref().map(|v| vec![v[n]]),
+            keypoint_squares: self.keypoint_squares.each_ref().map(|v| vec![v[n]]),
+            cross: self.cross.each_ref().map(|v| vec![v[n]]),
+            partial: BTreeMap::new(),
         }
     }
 
     /// Merges the moments of other frames.
-    #[inline(always)]
     pub fn merge(&mut self, other: &Self) {
+        let mine = self.partial.keys();
+        let parts: BTreeSet<usize> = mine.chain(other.partial.keys()).copied().collect();
+        for n in parts {
+            self.part(n).merge_frames(&other.one(n));
+        }
+        self.merge_frames(other);
+    }
+
+    /// [`merge`](Self::merge) without the keypoints that have frames of their own.
+    #[inline(always)]
+    pub fn merge_frames(&mut self, other: &Self) {
         if other.frames == 0 {
             return;
         }
@@ -143,6 +186,9 @@ impl ObjectMoments {
 
     /// The moments of one keypoint with the object.
     pub fn pair(&self, n: usize) -> PairMoments {
+        if let Some(part) = self.partial.get(&n) {
+            return part.pair(0);
+        }
         let at = |v: &Vec<f64>| v[n];
         let pair = PairMoments {
             frames: self.frames,
@@ -205,6 +251,7 @@ pub struct Moments {
     pub(super) keypoints: usize,
     pub(super) frames: u64,
     pub(super) excluded: u64,
+    pub(super) missing: Vec<u64>,
     pub(super) objects: Vec<ObjectMoments>,
 }
 
@@ -217,6 +264,11 @@ impl Moments {
     /// The number of frames left out because a keypoint was not finite.
     pub fn excluded(&self) -> u64 {
         self.excluded
+    }
+
+    /// For every keypoint, the number of frames in which it is missing.
+    pub fn missing(&self) -> &[u64] {
+        &self.missing
     }
 
     /// For every object, the sum of its squared distances from its mean, ndc; infinite beyond the

@@ -71,6 +71,9 @@ impl Moments {
         }
         self.frames += other.frames;
         self.excluded += other.excluded;
+        for (mine, theirs) in self.missing.iter_mut().zip(&other.missing) {
+            *mine += theirs;
+        }
         for (mine, theirs) in self.objects.iter_mut().zip(&other.objects) {
             mine.merge(theirs);
         }
@@ -180,10 +183,10 @@ pub fn held_out(
         for (k, object) in evaluation.objects.iter().enumerate() {
             keypoints[k].push(object.best.map(|best| best.keypoint));
             let Some(best) = object.best else { continue };
-            let moments = &own.objects[k];
-            if moments.frames > 0 {
-                sums[k] += moments.pair(best.keypoint).left_by(&best.fit.map);
-                frames[k] += moments.frames;
+            let pair = own.objects[k].pair(best.keypoint);
+            if pair.frames > 0 {
+                sums[k] += pair.left_by(&best.fit.map);
+                frames[k] += pair.frames;
             }
         }
     }

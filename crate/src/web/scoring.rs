@@ -65,6 +65,7 @@ impl ScoreOptions {
             settings: Settings {
                 transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
                 rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
+                ..Settings::default()
             },
             thresholds: thresholds.map_err(|e| js_error(&e))?,
             image_size: options.image_size,
