@@ -12,7 +12,7 @@ impl Table {
                 table {
                     thead { tr {
                         @for (j, column) in self.columns.iter().enumerate() {
-                            th.text[j > 0 && column.kind != ColumnKind::Number] { (column.label) }
+                            th class=[self.text_class(j)] { (column.label) }
                         }
                     } }
                     tbody { @for i in 0..self.rows.len() { (self.row(i)) } }
@@ -24,16 +24,25 @@ impl Table {
 
     fn row(&self, i: usize) -> Markup {
         html! {
-            tr.first[self.begins_group(i)] {
+            tr class=[self.begins_group(i).then_some("first")] {
                 @for (j, cell) in self.rows[i].iter().enumerate() {
-                    td.text[j > 0 && self.columns[j].kind != ColumnKind::Number]
-                        .good[cell.emphasis == Some(Emphasis::Good)]
-                        .bad[cell.emphasis == Some(Emphasis::Bad)] {
+                    td class=[self.cell_class(j, cell)] {
                         @if !self.repeats(i, j) { (content(cell)) }
                     }
                 }
             }
         }
+    }
+
+    /// The first column is aligned to the left whatever it holds.
+    fn text_class(&self, j: usize) -> Option<&'static str> {
+        (j > 0 && self.columns[j].kind != ColumnKind::Number).then_some("text")
+    }
+
+    fn cell_class(&self, j: usize, cell: &Cell) -> Option<String> {
+        let emphasis = cell.emphasis.map(Emphasis::name);
+        let classes: Vec<&str> = self.text_class(j).into_iter().chain(emphasis).collect();
+        (!classes.is_empty()).then(|| classes.join(" "))
     }
 }
 
