@@ -404,6 +404,8 @@ export interface Evaluation {
   frames: number;
   /** Frames left out because a keypoint was not finite. */
   excluded: number;
+  /** For every keypoint, the frames in which it is missing; present where one is. */
+  missing?: number[];
   transform: "identity" | "scale-translate" | "affine";
   rank: "reference" | "centred";
   /** How `objects` and `errors` were fitted and scored: on the same frames, as in the authors' code. */
@@ -494,11 +496,14 @@ export interface Series {
 
 /** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
 export class Scoring {
-  /** @param onNonFinite what to do with frames in which a keypoint is not finite; default `error`. */
+  /**
+   * @param onNonFinite what to do with frames in which a keypoint is missing; default `exclude-point`: they do not
+   *   count for that keypoint.
+   */
   constructor(
     truth: GroundTruthTable,
     keypoints: KeypointTable,
-    onNonFinite?: "error" | "exclude-frame",
+    onNonFinite?: "exclude-point" | "error" | "exclude-frame",
   );
   readonly join: JoinReport;
   /** The number of joined frames T. */

@@ -368,7 +368,7 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     let text = tables.read("kp.csv");
     let line = text.lines().nth(5).expect("a row").to_owned();
     tables.write("kp.csv", &text.replace(&line, "a,2,0,nan,0"));
-    let refused = tables.score(&[]);
+    let refused = tables.score(&["--non-finite", "error"]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(
         stderr(&refused)
@@ -380,6 +380,23 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     assert_eq!(
         (&counted["frames"], &counted["excluded"]),
         (&39.into(), &1.into())
+    );
+    // By default the frame does not count for that keypoint alone.
+    let default = json(&tables.score(&[]));
+    assert_eq!(
+        (
+            &default["frames"],
+            &default["excluded"],
+            &default["missing"][0],
+            &default["missing"][1]
+        ),
+        (&40.into(), &0.into(), &1.into(), &0.into())
+    );
+    let warnings = default["warnings"].to_string();
+    assert!(
+        warnings.contains("1 keypoint(s) are missing in some of 40 frames")
+            && warnings.contains("0 (1)"),
+        "{warnings}"
     );
 }
 

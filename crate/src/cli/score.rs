@@ -57,9 +57,13 @@ pub(super) struct ScoringArguments {
     /// unit)
     #[arg(long = command_line::RANK, default_value = "reference")]
     rank: Rank,
-    /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
-    #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "error")]
+    /// Frames in which a keypoint is missing: exclude-point (left out for that keypoint and counted),
+    /// exclude-frame (left out for all) or error
+    #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "exclude-point")]
     non_finite: NonFinite,
+    /// Let a keypoint that is missing in more than half of an object's frames be its best one
+    #[arg(long)]
+    rare_keypoints: bool,
     /// Folds of the sequences for held-out errors, whose maps are fitted on other sequences; 0: none.
     /// Default: 5, or one a sequence
     #[arg(long = command_line::FOLDS, value_name = "N")]
@@ -153,6 +157,7 @@ impl ScoringArguments {
             settings: Settings {
                 transform: self.transform,
                 rank: self.rank,
+                rare_keypoints: self.rare_keypoints,
             },
             thresholds: self.thresholds.parse()?,
             image_size,

@@ -39,6 +39,9 @@ pub struct EvaluationReport {
     pub frames: u64,
     /// Frames left out because a keypoint was not finite.
     pub excluded: u64,
+    /// For every keypoint, the frames in which it is missing, which do not count for it; where one is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<Vec<u64>>,
     /// `identity`, `scale-translate` or `affine`.
     pub transform: String,
     /// The rank rule: `reference` or `centred`.
@@ -327,6 +330,11 @@ impl EvaluationReport {
             tc: Some(evaluation.tracking_capability),
             frames: evaluation.frames,
             excluded: evaluation.excluded,
+            missing: evaluation
+                .missing
+                .iter()
+                .any(|missing| *missing > 0)
+                .then(|| evaluation.missing.clone()),
             transform: evaluation.settings.transform.name().to_owned(),
             rank: evaluation.settings.rank.name().to_owned(),
             protocol: "fit-and-score-same-frames".to_owned(),
@@ -462,8 +470,13 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
     let mut out = Vec::new();
     for object in &evaluation.objects {
         if object.best.is_none() {
+            let why = if object.frames == 0 {
+                "is visible in no frame"
+            } else {
+                "has no keypoint that is found in at least half of its frames"
+            };
             out.push(format!(
-                "object `{}` is visible in no frame and counts as not tracked",
+                "object `{}` {why} and counts as not tracked",
                 object.name
             ));
         } else if object.frames < 30 {
@@ -486,6 +499,25 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
             evaluation.directions_dropped,
             evaluation.errors.len(),
             evaluation.settings.rank.name()
+        ));
+    }
+    let missing = evaluation.missing.iter().enumerate();
+    let missing: Vec<String> = missing
+        .filter(|(_, count)| **count > 0)
+        .map(|(n, count)| format!("{n} ({count})"))
+        .collect();
+    if !missing.is_empty() {
+        let more = missing.len().saturating_sub(SHOWN);
+        let shown = missing[..missing.len() - more].join(", ");
+        let rest = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        out.push(format!(
+            "{} keypoint(s) are missing in some of {} frames, which do not count for them: {shown}{rest}",
+            missing.len(),
+            evaluation.frames
         ));
     }
     if evaluation.excluded > 0 {

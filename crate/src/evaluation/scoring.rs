@@ -133,8 +133,26 @@ impl Scoring {
             .into_iter()
             .map(|range| range.start..range.start + range.length)
             .collect();
-        sufficiency(truth.view(), &sequences, self.keypoints.dim().1, &objects)
-            .map_err(|e| self.located(e))
+        sufficiency(
+            truth.view(),
+            &sequences,
+            self.keypoints.dim().1,
+            self.least_seen(),
+            &objects,
+        )
+        .map_err(|e| self.located(e))
+    }
+
+    /// The smallest share of the frames that show a keypoint, of those that are shown in at least
+    /// half.
+    fn least_seen(&self) -> f64 {
+        let frames = self.moments.frames().max(1) as f64;
+        let shares = self
+            .moments
+            .missing()
+            .iter()
+            .map(|missing| 1.0 - *missing as f64 / frames);
+        shares.filter(|share| *share >= 0.5).fold(1.0, f64::min)
     }
 
     /// Scores with `thresholds`.
@@ -312,7 +330,8 @@ impl Scoring {
     }
 
     /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit,
-    /// in every joined frame (ndc); NaN where the object is not visible or the frame was left out.
+    /// in every joined frame (ndc); NaN where the object or the keypoint is missing or the frame was
+    /// left out.
     ///
     /// # Errors
     /// As [`Scoring::series`].
@@ -323,11 +342,11 @@ impl Scoring {
             .outer_iter()
             .zip(series.transformed_ndc.outer_iter());
         let distance = |(t, (x, z)): (usize, (ArrayView1<f64>, ArrayView1<f64>))| {
-            let counts = self
-                .keypoints
-                .index_axis(Axis(0), t)
-                .iter()
-                .all(|v| v.is_finite());
+            let frame = self.keypoints.index_axis(Axis(0), t);
+            let counts = match self.policy {
+                NonFinite::ExcludePoint => frame.row(n).iter().all(|v| v.is_finite()),
+                NonFinite::Error | NonFinite::ExcludeFrame => frame.iter().all(|v| v.is_finite()),
+            };
             if counts {
                 (x[0] - z[0]).powi(2) + (x[1] - z[1]).powi(2)
             } else {

@@ -52,7 +52,8 @@ pub struct Needed {
 }
 
 /// Whether the positions `truth` (T x K x 2, ndc; NaN: not visible) are enough to score `keypoints`
-/// keypoints by any of the maps. `sequences` are ranges of frames.
+/// keypoints by any of the maps. `sequences` are ranges of frames, `seen` is the share of them that
+/// show a keypoint at least (1: none is ever missing).
 ///
 /// # Errors
 /// When the number of `objects` is not K, or a variance is beyond the range of f64.
@@ -60,6 +61,7 @@ pub fn sufficiency(
     truth: ArrayView3<f64>,
     sequences: &[Range<usize>],
     keypoints: usize,
+    seen: f64,
     objects: &[Object],
 ) -> Result<Vec<Sufficiency>> {
     if objects.len() != truth.dim().1 {
@@ -79,7 +81,7 @@ pub fn sufficiency(
                 object.name
             )));
         }
-        Ok(motion.judge(object, pairs))
+        Ok(motion.judge(object, pairs, seen))
     };
     objects.iter().enumerate().map(of).collect()
 }
@@ -123,9 +125,9 @@ impl Motion {
         }
     }
 
-    fn judge(&self, object: &Object, pairs: f64) -> Sufficiency {
+    fn judge(&self, object: &Object, pairs: f64, seen: f64) -> Sufficiency {
         let variance = self.variances[0] + self.variances[1];
-        let observations = self.frames as f64 / self.correlation_time;
+        let observations = seen * self.frames as f64 / self.correlation_time;
         let chance = |observations: f64| {
             let one = chance_of_one(observations, self.variances, object.threshold);
             let all = pairs * one;
