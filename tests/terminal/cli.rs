@@ -91,7 +91,7 @@ impl Tables {
 fn score_prints_the_documented_json() {
     let tables = Tables::new();
     let result = json(&tables.score(&["--image-size", "200x100"]));
-    assert_eq!(result["schema"], "tracklens/evaluation/2");
+    assert_eq!(result["schema"], "tracklens/evaluation/3");
     assert_eq!(
         (&result["transform"], &result["rank"]),
         (&"affine".into(), &"reference".into())
@@ -234,8 +234,11 @@ fn other_sequences_are_asked_for() {
     );
     assert_eq!(result["intervals"]["resamples"], 50);
     assert_eq!(result["intervals"]["tc"][1], 1.0);
-    let plain = json(&tables.score(&[]));
+    let plain = json(&tables.score(&["--folds", "0"]));
     assert!(plain.get("held_out").is_none() && plain.get("intervals").is_none());
+    // By default one fold a sequence, up to five.
+    let default = json(&tables.score(&[]));
+    assert_eq!(default["held_out"]["folds"], 3);
     assert_eq!(plain["objects"], result["objects"]);
     let too_many = tables.score(&["--folds", "4"]);
     assert!(
@@ -363,7 +366,7 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     let text = tables.read("kp.csv");
     let line = text.lines().nth(5).expect("a row").to_owned();
     tables.write("kp.csv", &text.replace(&line, "a,2,0,nan,0"));
-    let refused = tables.score(&[]);
+    let refused = tables.score(&["--non-finite", "error"]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(
         stderr(&refused)
@@ -375,6 +378,23 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     assert_eq!(
         (&counted["frames"], &counted["excluded"]),
         (&39.into(), &1.into())
+    );
+    // By default the frame does not count for that keypoint alone.
+    let default = json(&tables.score(&[]));
+    assert_eq!(
+        (
+            &default["frames"],
+            &default["excluded"],
+            &default["missing"][0],
+            &default["missing"][1]
+        ),
+        (&40.into(), &0.into(), &1.into(), &0.into())
+    );
+    let warnings = default["warnings"].to_string();
+    assert!(
+        warnings.contains("1 keypoint(s) are missing in some of 40 frames")
+            && warnings.contains("0 (1)"),
+        "{warnings}"
     );
 }
 

@@ -66,10 +66,12 @@ impl ScoreOptions {
             settings: Settings {
                 transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
                 rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
+                ..Settings::default()
             },
             thresholds: thresholds.map_err(|e| js_error(&e))?,
             image_size: options.image_size,
-            folds: options.folds,
+            // The page shows held-out errors in place of the fitted ones, on request.
+            folds: Some(options.folds.unwrap_or(0)),
             bootstrap: options.bootstrap,
             seed: options.seed,
             sequences: options.sequences,
