@@ -12,7 +12,7 @@ use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::train::{
-    BackgroundStart, CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig,
+    BackgroundStart, CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig, RunLock,
     RunOptions, SUMMARY, Split, TrainConfig, TrainSummary, ValidationFrames, read_log, train,
 };
 
@@ -77,7 +77,15 @@ fn attempt(
         existing,
         tensorboard: false,
     };
-    train(config, &dataset, &weights, out, options, report, cancel)
+    train(
+        config,
+        &dataset,
+        &weights,
+        &RunLock::take(out)?,
+        options,
+        report,
+        cancel,
+    )
 }
 
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
@@ -430,7 +438,7 @@ fn a_small_cache_changes_no_weight() {
             &config,
             &dataset,
             &start,
-            &out,
+            &RunLock::take(&out).expect("the folder"),
             RunOptions {
                 existing: Existing::Refuse,
                 tensorboard: false,

@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::TruthArguments;
+use crate::atomic;
 use crate::data::{BLOCK, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
 use crate::event::{Cancel, Event};
@@ -416,10 +417,7 @@ impl Job<'_> {
             );
         }
         let keys = self.frames.index().keys();
-        let folder = tempfile::Builder::new()
-            .prefix(".tracklens-")
-            .tempdir_in(self.parent)
-            .map_err(|e| self.failed(&e))?;
+        let (folder, _lock) = atomic::temporary_folder(self.parent).map_err(|e| self.failed(&e))?;
         for sequence in self.frames.index().sequences() {
             fs::create_dir_all(folder.path().join(&sequence.name)).map_err(|e| self.failed(&e))?;
         }
@@ -489,7 +487,7 @@ impl Job<'_> {
         let first = self.frames.read(0)?;
         let size = [first.width(), first.height()];
         let floats = self.frames.has_floats();
-        let file = tempfile::NamedTempFile::new_in(self.parent).map_err(|e| self.failed(&e))?;
+        let file = atomic::temporary_file(self.parent).map_err(|e| self.failed(&e))?;
         let mut npz = NpzWriter::new(BufWriter::new(file));
         let shape = [
             sequences.len(),

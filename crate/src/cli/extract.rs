@@ -16,6 +16,7 @@ use super::files::{self, TruthArguments};
 #[cfg(feature = "gpu")]
 use super::gpu;
 use super::score::ScoringArguments;
+use super::signals;
 use crate::atomic;
 use crate::data::{BLOCK, FrameSource, keypoints_csv};
 use crate::device::DeviceKind;
@@ -265,8 +266,7 @@ fn extract_all(
 pub(super) fn cancel_on_interrupt() -> Result<Cancel> {
     let cancel = Cancel::default();
     let switch = cancel.clone();
-    ctrlc::set_handler(move || switch.cancel())
-        .map_err(|e| Error::new(ErrorKind::Io, format!("Ctrl-C cannot be handled: {e}")))?;
+    signals::on_end(move || switch.cancel())?;
     Ok(cancel)
 }
 

@@ -18,8 +18,8 @@ use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer, load_weights};
 use crate::sweep::architecture_named;
 use crate::train::{
-    BackgroundStart, Dataset, Existing, FirstLayer, RunOptions, Split, StartWeights, TargetFilter,
-    TrainConfig, ValidationFrames, train,
+    BackgroundStart, Dataset, Existing, FirstLayer, RunLock, RunOptions, Split, StartWeights,
+    TargetFilter, TrainConfig, ValidationFrames, train,
 };
 
 #[derive(Debug, Args)]
@@ -226,6 +226,12 @@ impl TrainArguments {
 }
 
 pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
+    arguments.config().validate()?;
+    run_in(&RunLock::take(&arguments.out)?, arguments)
+}
+
+/// Trains in a folder that nobody else works in.
+pub(super) fn run_in(lock: &RunLock, arguments: &TrainArguments) -> Result<()> {
     let mut config = arguments.config();
     config.validate()?;
     // Before the long work: a GPU that is not there should not cost minutes.
@@ -283,7 +289,7 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
         &config,
         &dataset,
         &weights,
-        &arguments.out,
+        lock,
         RunOptions {
             existing,
             tensorboard: arguments.tensorboard,
@@ -312,7 +318,7 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
             errors.join(", ")
         );
     }
-    eprintln!("written to {}", arguments.out.display());
+    eprintln!("written to {}", lock.folder().display());
     if summary.interrupted {
         return Err(Error::cancelled().at(format!("after {} whole epochs", summary.epochs)));
     }

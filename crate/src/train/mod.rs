@@ -14,6 +14,8 @@ mod dataset;
 #[cfg(feature = "train")]
 mod events;
 #[cfg(feature = "train")]
+mod lock;
+#[cfg(feature = "train")]
 mod optimizer;
 mod record;
 #[cfg(feature = "train")]
@@ -31,6 +33,8 @@ pub use config::{
 };
 #[cfg(feature = "train")]
 pub use dataset::{DEFAULT_CACHE, Dataset, Sequence};
+#[cfg(feature = "train")]
+pub use lock::{LOCK, RunLock, holder};
 pub use record::{CONFIG, EpochLog, LOG, Losses, RunConfig, SUMMARY, TrainSummary, read_log};
 #[cfg(feature = "train")]
 pub use run::{Existing, RunOptions, train};
