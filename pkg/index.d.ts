@@ -7,6 +7,9 @@
  * whose message says what was wrong, where and what to do; `error.kind` is one of
  * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`.
  *
+ * Names are camelCase. Documents, which can be saved and are what the terminal writes ({@link Evaluation},
+ * {@link RunsReport}), have the names of their JSON, in snake_case.
+ *
  * Objects of the classes live in WebAssembly memory: call `free()` when done with large ones.
  */
 
@@ -606,6 +609,46 @@ export interface RunFiles {
   error?: Uint8Array;
 }
 
+/** A run folder among files; its files are positions in the list of paths. */
+export interface FoundRun {
+  /** The path of the folder; empty for files without one. */
+  folder: string;
+  config: number | null;
+  log: number | null;
+  summary: number | null;
+  error: number | null;
+}
+
+/**
+ * Finds run folders: those with `log.jsonl` or `summary.json`, and those that a sweep has not finished, whose names end in
+ * `.partial`. `rest` are the positions of the files that belong to no run. Of the part `scoring`.
+ */
+export function findRuns(paths: string[]): { runs: FoundRun[]; rest: number[] };
+
+/** A cell of a {@link Table}. */
+export interface TableCell {
+  /** What to sort by; `null` where there is no value. */
+  value: string | number | null;
+  /** What to show. */
+  text: string;
+  /** Small print after the text, e.g. an interval. */
+  small: string | null;
+  /** Lines of small print below the text. */
+  details: string[];
+  emphasis: "good" | "bad" | null;
+}
+
+/** A table as every output shows it. */
+export interface Table {
+  name: "capability" | "only-errors" | "errors" | "improvement" | "runs" | "published" | "claims";
+  caption: string;
+  /** What a reader needs to know, in whole sentences; may be empty. */
+  note: string;
+  /** A group is text that several rows share. */
+  columns: { label: string; isText: boolean; isGroup: boolean }[];
+  rows: TableCell[][];
+}
+
 /** Runs whose errors can be compared. */
 export interface RunDataSet {
   /** Two runs, and why they are not of one data set; `null` for the first. */
@@ -714,6 +757,11 @@ export class Comparison {
 export class Compared {
   private constructor();
   readonly report: RunsReport;
+  /**
+   * Capabilities and errors (or, where no group has more than one run, the errors alone), the probabilities of improvement,
+   * and the runs.
+   */
+  readonly tables: Table[];
   /** Box plots, stacked capabilities, performance profiles, and curves of what has epochs. */
   readonly figures: Figure[];
   /** One self-contained document. */

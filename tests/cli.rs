@@ -164,7 +164,10 @@ fn thresholds_transforms_and_ranks_are_taken() {
         (["--threshold", "cube=-1"], "expected NAME=VALUE"),
         (["--threshold", "cube=-1"], "the threshold of `cube` is -1"),
         (["--threshold", "cube=0"], "with a number above 0"),
-        (["--threshold", "cube=small"], "`small`, which is no number"),
+        (
+            ["--threshold", "cube=small"],
+            "`small`, which is not a number",
+        ),
         (
             ["--threshold", "cube=1,eef=2"],
             "`cube=1,eef=2` gives more than one threshold",

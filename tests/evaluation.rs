@@ -7,9 +7,9 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 use tempfile::TempDir;
-use tracklens::report::{
-    EvaluationReport, Theme, capability, evaluation_figures, matrix, sequences,
-};
+use tracklens::evaluation::EvaluationReport;
+use tracklens::report::draw::Theme;
+use tracklens::report::evaluation::{capability, evaluation_figures, matrix, sequences};
 
 /// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing;
 /// `hidden` is never visible.
@@ -207,7 +207,7 @@ fn a_report_is_one_file_that_loads_nothing_and_figures_are_svg_and_png() {
         "cube",
         "hidden",
         "three",
-        "What others measure",
+        "Other metrics",
         "--bootstrap 20",
         "held-out error",
     ] {
@@ -230,6 +230,49 @@ fn a_report_is_one_file_that_loads_nothing_and_figures_are_svg_and_png() {
     let nowhere = score(folder.path(), &["--report", "nowhere/out.html"]);
     assert_eq!(nowhere.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&nowhere.stderr).contains("nowhere/out.html"));
+}
+
+#[test]
+fn figures_of_objects_with_similar_names_do_not_overwrite_each_other() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mut truth, mut keypoints) = (
+        "sequence,frame,object,x,y\n".to_owned(),
+        "sequence,frame,keypoint,x,y\n".to_owned(),
+    );
+    for t in 0..40 {
+        let [x, y] = [
+            0.02 * f64::from(t) - 0.4,
+            0.3 - 0.01 * f64::from(t * t % 37),
+        ];
+        for name in ["m1_nose", "m1 nose", "鼻", "口"] {
+            let _ = writeln!(truth, "a,{t},{name},{x},{y}");
+        }
+        let _ = writeln!(keypoints, "a,{t},0,{y},{x}");
+    }
+    std::fs::write(folder.path().join("gt.csv"), truth).expect("a table");
+    std::fs::write(folder.path().join("kp.csv"), keypoints).expect("a table");
+    json(&score(folder.path(), &["--figures", "figures"]));
+    let names: std::collections::BTreeSet<String> =
+        std::fs::read_dir(folder.path().join("figures"))
+            .expect("a folder")
+            .map(|entry| {
+                entry
+                    .expect("a file")
+                    .file_name()
+                    .to_string_lossy()
+                    .into_owned()
+            })
+            .filter(|name| name.ends_with(".svg"))
+            .collect();
+    let expected = [
+        "capability.svg",
+        "errors.svg",
+        "sequences-_-2.svg",
+        "sequences-_.svg",
+        "sequences-m1_nose-2.svg",
+        "sequences-m1_nose.svg",
+    ];
+    assert_eq!(names, expected.map(str::to_owned).into());
 }
 
 #[test]
@@ -277,7 +320,7 @@ fn a_saved_evaluation_is_read_again_and_newer_ones_are_refused() {
         told(&with("errors", serde_json::json!([[1.0]]))).contains("expected one row an object")
     );
     assert!(told(&with("objects", Value::Null)).contains("not complete"));
-    assert!(told(&Value::from(3)).contains("no JSON of an evaluation"));
+    assert!(told(&Value::from(3)).contains("not the JSON of an evaluation"));
 
     // The first schema: without what came later.
     let mut first = value;

@@ -344,6 +344,47 @@ fn failed_and_unreadable_runs_are_counted_and_shown() {
 }
 
 #[test]
+fn a_run_without_its_configuration_or_with_a_damaged_file_is_listed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    for seed in 0..4 {
+        write_run(&runs.join(format!("r{seed}")), "basic", seed, 4);
+    }
+    fs::remove_file(runs.join("r0/config.json")).expect("removed");
+    fs::remove_file(runs.join("r1/summary.json")).expect("removed");
+    fs::create_dir(runs.join("r1/summary.json")).expect("a folder");
+    fs::write(runs.join("r2/summary.json"), "{").expect("written");
+    let done = report(&[&text(&runs), "--out", &text(&out)]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    for part in [
+        "1 complete runs in 1 groups, 3 more that do not count",
+        "r0: config.json is missing",
+        "r1: it stopped after epoch 4 of 4",
+        "r2: summary.json cannot be read",
+    ] {
+        assert!(stderr(&done).contains(part), "{}", stderr(&done));
+    }
+}
+
+#[test]
+fn tables_are_written_as_latex() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    sweep(&runs);
+    let done = report(&[&text(&runs), "--out", &text(&out)]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let latex = fs::read_to_string(out.join("tables.tex")).expect("tables");
+    for name in ["capability", "errors", "improvement", "runs"] {
+        assert!(latex.contains(&format!("\\label{{tab:{name}}}")), "{name}");
+    }
+    let mean = read(&out)["groups"][0]["objects"][0]["mean"].as_f64();
+    let mean = format!("& {:.4} &", mean.expect("a mean"));
+    assert!(latex.contains(&mean), "{mean}: {latex}");
+    assert_eq!(latex.matches("\\toprule").count(), 4);
+    assert_eq!(latex.matches("\\bottomrule").count(), 4);
+}
+
+#[test]
 fn runs_of_other_data_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));

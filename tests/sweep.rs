@@ -321,6 +321,74 @@ fn runs_are_trained_once_and_failures_do_not_stop_the_others() {
 }
 
 #[test]
+fn a_run_that_cannot_be_read_has_failed_and_the_others_go_on() {
+    let sweep = Sweep::new(3);
+    sweep.sweep(&["plan", "sweep.toml"]);
+    let broken = sweep.runs().join(NAMES[0]);
+    fs::create_dir_all(&broken).expect("a folder");
+    fs::write(
+        broken.join("summary.json"),
+        "{\"version\": \"0.1.0\", \"inter",
+    )
+    .expect("written");
+    assert_eq!(sweep.states(), ["failed", "missing", "missing", "missing"]);
+    let status = sweep.sweep(&["status", "runs"]);
+    assert!(
+        status.contains("0 done, 0 running, 1 failed, 0 stopped, 3 missing")
+            && status.contains("summary.json: cannot be read (EOF while parsing"),
+        "{status}"
+    );
+    let run = sweep.try_sweep(&["run", "runs", "--quiet"]);
+    assert_eq!(run.status.code(), Some(5), "{}", stderr(&run));
+    assert!(
+        stderr(&run).contains("3 of 4 runs are complete (0 were before), 1 failed"),
+        "{}",
+        stderr(&run)
+    );
+    assert_eq!(sweep.states(), ["failed", "done", "done", "done"]);
+}
+
+#[test]
+fn a_run_that_another_process_works_on_has_not_failed() {
+    let sweep = Sweep::new(3);
+    sweep.sweep(&["plan", "sweep.toml"]);
+    let partial = sweep.runs().join(format!("{}.partial", NAMES[1]));
+    fs::create_dir_all(&partial).expect("a folder");
+    let lock = fs::File::create(partial.join("lock")).expect("a file");
+    fs::write(partial.join("lock"), "process 7 on elsewhere").expect("written");
+    lock.lock().expect("a lock");
+    let run = sweep.try_sweep(&["run", "runs", "--quiet"]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    for part in [
+        "process 7 on elsewhere works on it",
+        "3 of 4 runs are complete (0 were before), 0 failed, 1 are worked on elsewhere",
+    ] {
+        assert!(stderr(&run).contains(part), "{}", stderr(&run));
+    }
+}
+
+#[test]
+fn a_folder_that_breaks_scripts_is_refused() {
+    let sweep = Sweep::new(3);
+    let planned = sweep.try_sweep(&["plan", "sweep.toml", "--out", "a\nb"]);
+    assert_eq!(planned.status.code(), Some(3));
+    assert!(
+        stderr(&planned).contains("control character in its path"),
+        "{}",
+        stderr(&planned)
+    );
+    assert!(!sweep.folder.path().join("a\nb").exists());
+    sweep.sweep(&["plan", "sweep.toml", "--out", "a\"b"]);
+    let quoted = sweep.try_sweep(&["submit", "a\"b", "--slurm", "--dry-run"]);
+    assert_eq!(quoted.status.code(), Some(3));
+    assert!(
+        stderr(&quoted).contains("double quote"),
+        "{}",
+        stderr(&quoted)
+    );
+}
+
+#[test]
 fn a_run_has_one_worker_and_goes_on_when_it_is_killed() {
     let sweep = Sweep::new(100_000);
     sweep.sweep(&["plan", "sweep.toml"]);

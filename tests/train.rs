@@ -11,10 +11,11 @@ use tracklens::engine::{Encoder, Workspace};
 use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
-use tracklens::train::{
-    BackgroundStart, CONFIG, DEFAULT_CACHE, Dataset, EpochLog, Existing, LOG, RunConfig, RunLock,
-    RunOptions, SUMMARY, Split, TrainConfig, TrainSummary, ValidationFrames, read_log, train,
+use tracklens::run::{
+    BackgroundStart, CONFIG, EpochLog, LOG, RunConfig, SUMMARY, Split, TrainConfig, TrainSummary,
+    ValidationFrames, read_log,
 };
+use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunLock, RunOptions, train};
 
 fn recording() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push")

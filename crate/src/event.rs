@@ -1,19 +1,20 @@
-//! What long work tells whoever waits for it.
+//! Progress of long work, and how to cancel it.
 //!
-//! Extraction and training speak through one enum, so that the terminal's progress bar, the run log
-//! and the page's `postMessage` are translations of the same conversation.
+//! Extraction and training report [`Event`]s, which the terminal shows as a progress bar. The page
+//! extracts frame by frame in its workers and counts them itself.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 
-/// One message from running work to its face.
+/// One message from work that is going on.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Event {
     /// Work of `total` steps (frames, batches) has begun.
     Started {
-        /// What is being done, for a person: `extracting keypoints`.
+        /// What is being done, in words: `extracting keypoints`.
         what: String,
         /// Number of steps.
         total: u64,
@@ -22,7 +23,7 @@ pub enum Event {
     Progress {
         /// Steps finished so far.
         done: u64,
-        /// What there is to say about the last step, e.g. the loss; empty when there is nothing.
+        /// A remark on the last step, e.g. the loss; may be empty.
         note: String,
     },
     /// Something a person should know; the work goes on.

@@ -5,13 +5,35 @@
 //! tracking errors and Tracking Capability (TC). It extracts keypoints from images with spatial
 //! autoencoders (SAEs) and trains them.
 //!
-//! With `default-features = false` there is only [`metric`], with few and small dependencies. The
-//! other parts are features: `data` (tables, images, sequences, checkpoints), `engine` (CPU
-//! inference), `report` (results and figures), `model` and `train` (SAEs in burn), `gpu` (SAEs on
-//! the GPU), `cli`, `web`.
+//! [`metric`] scores arrays; [`evaluation`] joins tables of keypoints and ground truth and scores
+//! them; [`extract`] finds keypoints in frames; [`train`] trains autoencoders; [`report`] draws the
+//! results of one evaluation or of many runs.
+//!
+//! # Features
+//!
+//! With `default-features = false` there is only [`metric`]. The crates are counted with tracklens
+//! itself and all crates that the feature needs (x86-64 Linux).
+//!
+//! | feature | brings | crates |
+//! |---|---|---|
+//! | none | [`metric`], [`track`] | 22 |
+//! | `data` | tables, frames, sequences and checkpoints from bytes: [`data`], [`checkpoint`], [`evaluation`], [`run`] | 69 |
+//! | `jpeg-webp` | JPEG and WebP images besides PNG | 73 |
+//! | `hdf5` | HDF5 recordings | 78 |
+//! | `engine` | encoders on the CPU: [`engine`], [`extract`] | 72 |
+//! | `report` | tables, figures and pages: [`report`] | 76 |
+//! | `model` | the SAEs as burn modules: [`model`] | 195 |
+//! | `train` | training: [`train`] | 207 |
+//! | `gpu` | burn's wgpu backend (Vulkan, Metal, Direct3D 12, OpenGL) as a device | 301 |
+//! | `cli` | the binary `tracklens`, without training | 171 |
+//!
+//! The default features are `cli` and `train` (280 crates). The features that begin with `web` make
+//! the parts of the npm package and are of no use in Rust.
 
 #[cfg(any(feature = "cli", feature = "train"))]
 mod atomic;
+#[cfg(any(feature = "cli", all(feature = "web-scoring", target_arch = "wasm32")))]
+mod command_line;
 #[cfg(feature = "data")]
 pub mod device;
 pub mod error;
@@ -25,6 +47,8 @@ pub mod checkpoint;
 pub mod data;
 #[cfg(feature = "engine")]
 pub mod engine;
+#[cfg(feature = "data")]
+pub mod evaluation;
 #[cfg(feature = "engine")]
 pub mod extract;
 #[cfg(feature = "data")]
@@ -34,15 +58,22 @@ pub mod model;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(feature = "data")]
-pub mod scoring;
+pub mod run;
 #[cfg(all(feature = "cli", feature = "train"))]
-pub mod sweep;
-#[cfg(feature = "report")]
+mod sweep;
+#[cfg(feature = "train")]
 pub mod train;
 
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 #[cfg(all(feature = "web-part", target_arch = "wasm32"))]
+#[doc(hidden)]
 pub mod web;
 
 pub use error::{Error, ErrorKind, Result};
+
+/// Tests the examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

@@ -273,7 +273,7 @@ test("runs are compared by groups, and what does not count is told", () => {
   const { config, log, summary } = training("basic", 9, 0.01);
   comparison.addRun("cut", { config, log: log.subarray(0, log.length - 9), summary });
   comparison.addRun("failed", { config: null, error: new TextEncoder().encode("no space left on the disk\n") });
-  assert.throws(() => comparison.addRun("text", { config: "{}" }), /`config` of text is no Uint8Array/);
+  assert.throws(() => comparison.addRun("text", { config: "{}" }), /`config` of text is not a Uint8Array/);
   const [set, ...more] = comparison.dataSets;
   assert.deepEqual([more, set.objects, set.trained, set.settings, set.runs.length], [[], ["cube"], true, [], 9]);
   assert.match(set.runs.find(({ name }) => name === "cut").incomplete, /its log breaks off/);
@@ -293,6 +293,12 @@ test("runs are compared by groups, and what does not count is told", () => {
   assert.deepEqual(comparison.compare().report, report);
   assert.match(comparison.compare({ seed: 7, resamples: 200 }).report.intervals, /200 resamples, seed 7/);
   assert.equal(comparison.compare({ thresholds: { cube: 0.0015 } }).report.groups[0].tc, 0.25);
+  assert.deepEqual(compared.tables.map(({ name }) => name), ["capability", "errors", "improvement", "runs"]);
+  const [, errors] = compared.tables;
+  const mean = errors.columns.findIndex(({ label }) => label === "mean");
+  assert.equal(errors.rows[0][mean].value, basic.objects[0].mean);
+  assert.equal(errors.rows[0][mean].text, basic.objects[0].mean.toFixed(4));
+  assert.ok(compared.tables.every(({ columns, rows }) => rows.every((cells) => cells.length === columns.length)));
   assert.ok(["boxplots", "errors-basic", "reconstruction-loss"].every((name) => figures.some((figure) => figure.name === name)));
   assert.ok(figures.every(({ svg, caption }) => svg.startsWith("<svg") && caption.length > 0));
   assert.match(compared.toHtml(), /^<!DOCTYPE html>[^]*no space left on the disk/);
@@ -308,6 +314,17 @@ test("runs are compared by groups, and what does not count is told", () => {
   assert.throws(() => names("weather"), /weather/);
   assert.throws(() => comparison.compare({ dataSet: 1 }), /there is no data set 1/);
   assert.throws(() => comparison.compare({ groups: "name" }), /unknown field `groups`; expected dataSet/);
+});
+
+test("run folders are found among other files", () => {
+  const paths = ["a/config.json", "a/log.jsonl", "a/x.png", "b.partial/error.txt", "c/config.json"];
+  assert.deepEqual(tracklens.findRuns(paths), {
+    runs: [
+      { folder: "a", config: 0, log: 1, summary: null, error: null },
+      { folder: "b.partial", config: null, log: null, summary: null, error: 3 },
+    ],
+    rest: [2, 4],
+  });
 });
 
 test("detectors that were scored are runs of their own data set", async () => {

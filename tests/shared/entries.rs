@@ -12,7 +12,10 @@ use tracklens::data::{
     ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
     parse_npz_ground_truth, parse_npz_keypoints,
 };
-use tracklens::report::{EvaluationReport, Run, RunFiles, evaluation_page};
+use tracklens::evaluation::EvaluationReport;
+use tracklens::report::evaluation::evaluation_page;
+use tracklens::report::runs::Run;
+use tracklens::run::RunFiles;
 
 /// A function that takes bytes.
 pub struct Entry {

@@ -17,8 +17,8 @@ use super::files::TruthArguments;
 use crate::atomic;
 use crate::data::{BLOCK, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
+use crate::evaluation::JoinReport;
 use crate::event::{Cancel, Event};
-use crate::report::{JoinReport, JoinSummary};
 use crate::track::{FrameKey, GroundTruth};
 
 /// Unreadable frames that are told one by one.
@@ -132,7 +132,7 @@ struct Inspection {
 #[derive(Debug, Serialize)]
 struct TruthInspection {
     objects: Vec<ObjectInspection>,
-    join: JoinSummary,
+    join: JoinReport,
 }
 
 #[derive(Debug, Serialize)]
@@ -247,7 +247,7 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
     });
     Ok(TruthInspection {
         objects: objects.collect(),
-        join: JoinReport::new(&join, frames, truth.keys()).summary(),
+        join: JoinReport::new(&join, frames, truth.keys()),
     })
 }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use crate::checkpoint::Checkpoint;
+use crate::command_line;
 use crate::data::{
     AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table,
     TableOptions, parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
@@ -75,7 +76,7 @@ pub(super) struct TruthArguments {
     index_base: Option<u64>,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
-    #[arg(long, value_name = "WxH", value_parser = super::score::parse_size)]
+    #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::score::parse_size)]
     pub image_size: Option<[u32; 2]>,
 }
 

@@ -1,12 +1,7 @@
 //! The terminal face: parse arguments, read files, call, show.
 
-/// Writes a line to standard output, and returns when that fails. Whoever read it may have had
-/// enough, as `head` does: then nothing is written any more, and nothing is wrong.
-macro_rules! say {
-    ($($arguments:tt)*) => {
-        $crate::cli::write_line(format_args!($($arguments)*))?
-    };
-}
+#[macro_use]
+mod terminal;
 
 mod checkpoint;
 mod data;
@@ -16,6 +11,7 @@ mod extract;
 mod files;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod outcome;
 mod painter;
 mod report;
 mod score;
@@ -26,22 +22,11 @@ mod sweep;
 mod train;
 mod trajectories;
 
-use std::fmt;
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::error::{Error, ErrorKind, Result};
-
-fn write_line(line: fmt::Arguments<'_>) -> Result<()> {
-    match writeln!(std::io::stdout(), "{line}") {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Error::io("standard output", &e))
-        }
-        _ => Ok(()),
-    }
-}
+use crate::error::{Error, ErrorKind};
 
 /// Do the keypoints track the objects? Scores keypoint detectors with tracking errors and Tracking
 /// Capability.

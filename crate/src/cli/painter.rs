@@ -29,7 +29,7 @@ impl Painter {
     /// Two pixels for one of the document.
     ///
     /// # Errors
-    /// When it is no SVG document.
+    /// When it is not an SVG document.
     pub fn png(&self, svg: &str) -> Result<Vec<u8>> {
         let failed = |e: &dyn std::fmt::Display| {
             Error::input(format!("a figure cannot be drawn as PNG: {e}"))

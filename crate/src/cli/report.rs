@@ -1,5 +1,6 @@
 //! `tracklens report`.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,19 +9,16 @@ use clap::Args;
 
 use super::files::{self, TruthArguments};
 use super::painter::Painter;
-use super::score::parse_threshold;
+use super::score::ThresholdArguments;
 use super::trajectories;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
-use crate::metric::default_threshold;
-use crate::report::{
-    Grouping, Reference, ReferenceReport, Run, RunFiles, Runs, RunsReport, Unread, errors_csv,
-    figures, runs_csv, runs_markdown, runs_page,
+use crate::report::runs::{
+    Grouping, Reference, Run, Runs, RunsReport, Unread, errors_csv, runs_csv, runs_figures,
+    runs_latex, runs_markdown, runs_page,
 };
-use crate::train::{CONFIG, LOG, SUMMARY};
+use crate::run::{FoundRun, RunFiles, find_runs};
 
-/// Why the last attempt of a run of a sweep failed.
-const ERROR: &str = "error.txt";
 /// Folders below the given ones that are searched for runs.
 const DEPTH: usize = 6;
 
@@ -32,10 +30,8 @@ pub(super) struct ReportArguments {
     /// Folder to write the tables and figures into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
-    /// 0.015, target 0.015, eef 0.1, others 0.015
-    #[arg(long = "threshold", value_name = "NAME=VALUE", value_parser = parse_threshold)]
-    thresholds: Vec<(String, f64)>,
+    #[command(flatten)]
+    thresholds: ThresholdArguments,
     /// What the runs of a group have in common: settings (all but the seed), architecture, name (of
     /// the folder above the runs), or one setting by its name in config.json
     #[arg(long, value_name = "WHAT", default_value = "settings")]
@@ -46,7 +42,7 @@ pub(super) struct ReportArguments {
     /// Seeds the draws
     #[arg(long, value_name = "SEED", default_value_t = 0)]
     seed: u64,
-    /// Published numbers to set beside these (TOML, e.g. sweeps/paper-results.toml)
+    /// Published numbers to compare with (TOML, e.g. sweeps/paper-results.toml)
     #[arg(long, value_name = "FILE.toml")]
     reference: Option<PathBuf>,
     /// The data set of the runs, for trajectories on its frames: a folder of image sequences or a
@@ -66,33 +62,33 @@ pub(super) struct ReportArguments {
 }
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
-    let mut folders = Vec::new();
+    let mut search = Search::default();
     for path in &arguments.runs {
         if !path.is_dir() {
             return Err(Error::new(
                 ErrorKind::Io,
-                "is no folder; expected a run folder, or one that holds run folders",
+                "not a folder; expected a run folder, or one that holds run folders",
             )
             .at(path.display()));
         }
-        find(path, DEPTH, &mut folders)?;
+        let name = path.to_string_lossy();
+        search.list(path, name.trim_end_matches('/'), DEPTH);
     }
-    folders.sort();
-    folders.dedup();
     // Before the long work.
+    let thresholds = arguments.thresholds.parse()?;
     let reference = arguments
         .reference
         .as_deref()
         .map(read_reference)
         .transpose()?;
-    let mut unread = Vec::new();
     let mut runs = Vec::new();
-    for folder in &folders {
-        match read(folder)? {
+    for found in find_runs(search.names.iter().map(String::as_str)).runs {
+        match search.read(&found) {
             Ok(run) => runs.push(Arc::new(run)),
-            Err(why) => unread.push(why),
+            Err(why) => search.unread.push(why),
         }
     }
+    let unread = search.unread;
     if runs.is_empty()
         && let Some(first) = unread.first()
     {
@@ -103,22 +99,12 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
             first.reason
         )));
     }
-    for (name, _) in &arguments.thresholds {
-        if let Some(run) = runs.first().filter(|run| !run.objects.contains(name)) {
-            return Err(Error::mismatch(format!(
-                "a threshold is given for `{name}`; the runs have the objects {}",
-                run.objects.join(", ")
-            )));
-        }
-    }
-    let threshold = |object: &str| {
-        let given = arguments.thresholds.iter().find(|(name, _)| name == object);
-        given.map_or_else(|| default_threshold(object), |(_, value)| *value)
-    };
-    let runs = Runs::new(runs, threshold, &arguments.group_by)?;
+    let runs = Runs::new(runs, &thresholds, &arguments.group_by)?;
     let mut report = RunsReport::new(&runs, unread, arguments.resamples, arguments.seed)?;
-    report.reference = reference.map(|reference| ReferenceReport::new(&reference, &report));
-    let mut figures = figures(&runs, &report)?;
+    if let Some(reference) = &reference {
+        report.compare_with(reference);
+    }
+    let mut figures = runs_figures(&runs, &report)?;
     if let Some(path) = &arguments.frames {
         let frames = arguments.reading.open(path)?;
         let truth = arguments.reading.need(
@@ -154,6 +140,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
             "report.md".to_owned(),
             runs_markdown(&report, &figures).into_bytes(),
         ),
+        ("tables.tex".to_owned(), runs_latex(&report).into_bytes()),
         ("report.json".to_owned(), json),
         (
             "report.html".to_owned(),
@@ -186,47 +173,74 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     Ok(())
 }
 
-/// Run folders in `folder`, or itself.
-fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<()> {
-    if [CONFIG, ERROR]
-        .iter()
-        .any(|name| folder.join(name).is_file())
-    {
-        found.push(folder.to_owned());
-        return Ok(());
-    }
-    if depth == 0 {
-        return Ok(());
-    }
-    let failed = |e: std::io::Error| Error::io(folder.display(), &e);
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.is_dir() {
-            find(&path, depth - 1, found)?;
-        }
-    }
-    Ok(())
+/// The files below the folders that are searched for runs.
+#[derive(Default)]
+struct Search {
+    files: Vec<PathBuf>,
+    /// The same, with `/` between their parts.
+    names: Vec<String>,
+    /// Folders that were listed, without links.
+    listed: HashSet<PathBuf>,
+    /// Folders that cannot be listed.
+    unread: Vec<Unread>,
 }
 
-fn read(folder: &Path) -> Result<std::result::Result<Run, Unread>> {
-    let bytes = |name: &str| {
-        let path = folder.join(name);
-        match fs::read(&path) {
-            Ok(bytes) => Ok(Some(bytes)),
-            // A run that was ended in its first epoch has no log yet.
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(Error::io(path.display(), &e)),
+impl Search {
+    /// Lists the files of `folder`, which is called `name`, and of the folders in it.
+    fn list(&mut self, folder: &Path, name: &str, depth: usize) {
+        let listed = folder.canonicalize().and_then(|own| {
+            if !self.listed.insert(own) {
+                return Ok(Vec::new());
+            }
+            fs::read_dir(folder)?.collect::<std::io::Result<Vec<_>>>()
+        });
+        let entries = match listed {
+            Ok(entries) => entries,
+            Err(e) => {
+                self.unread.push(unread(name, &e));
+                return;
+            }
+        };
+        for entry in entries {
+            let path = entry.path();
+            let name = format!("{name}/{}", entry.file_name().to_string_lossy());
+            if !path.is_dir() {
+                self.files.push(path);
+                self.names.push(name);
+            } else if depth > 0 {
+                self.list(&path, &name, depth - 1);
+            }
         }
-    };
-    let [config, log, summary, error] =
-        [bytes(CONFIG)?, bytes(LOG)?, bytes(SUMMARY)?, bytes(ERROR)?];
-    let files = RunFiles {
-        config: config.as_deref(),
-        log: log.as_deref(),
-        summary: summary.as_deref(),
-        error: error.as_deref(),
-    };
-    Ok(Run::parse(&folder.to_string_lossy(), &files))
+    }
+
+    /// Reads a run; a file that cannot be read is the reason why the run is not.
+    fn read(&self, found: &FoundRun) -> std::result::Result<Run, Unread> {
+        let bytes = |position: Option<usize>| {
+            let path = position.map(|position| &self.files[position]);
+            let bytes = path.map(fs::read).transpose();
+            bytes.map_err(|e| unread(&found.folder, &e))
+        };
+        let [config, log, summary, error] = [
+            bytes(found.config)?,
+            bytes(found.log)?,
+            bytes(found.summary)?,
+            bytes(found.error)?,
+        ];
+        let files = RunFiles {
+            config: config.as_deref(),
+            log: log.as_deref(),
+            summary: summary.as_deref(),
+            error: error.as_deref(),
+        };
+        Run::parse(&found.folder, &files)
+    }
+}
+
+fn unread(name: &str, e: &std::io::Error) -> Unread {
+    Unread {
+        name: name.to_owned(),
+        reason: format!("cannot be read: {e}"),
+    }
 }
 
 fn read_reference(path: &Path) -> Result<Reference> {

@@ -1,23 +1,21 @@
-//! `tracklens score`, and how evaluations are shown.
+//! `tracklens score`, and the options of scoring.
 
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use comfy_table::CellAlignment;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 
 use super::files::{self, KeypointsReading, TruthArguments};
+use super::outcome;
 use super::painter::Painter;
+use super::terminal::own_command;
 use crate::atomic;
+use crate::command_line;
 use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
+use crate::evaluation::{EvaluationReport, JoinReport, Request, Scoring, Threshold, Thresholds};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
-use crate::report::{
-    ContextReport, EvaluationReport, JoinReport, Request, evaluation_figures, evaluation_page,
-    shell_line,
-};
-use crate::scoring::Scoring;
+use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
 use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
@@ -25,11 +23,11 @@ pub(super) struct ScoreArguments {
     /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the
     /// image, y down) or with two columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO
     /// keypoints (JSON), or a recording (.npz, .hdf5)
-    #[arg(long, value_name = "GT.csv")]
+    #[arg(long = command_line::TRUTH, value_name = "GT.csv")]
     truth: PathBuf,
     /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0),
     /// another of these tables, or an NPZ file
-    #[arg(long, value_name = "KP.csv")]
+    #[arg(long = command_line::KEYPOINTS, value_name = "KP.csv")]
     keypoints: PathBuf,
     /// Unit of the keypoints: ndc or px; default: px for DeepLabCut and COCO, otherwise ndc
     #[arg(long, value_name = "SPACE")]
@@ -51,34 +49,32 @@ pub(super) struct ScoreArguments {
 #[derive(Debug, Args)]
 pub(super) struct ScoringArguments {
     /// The map fitted between a keypoint and an object: affine, scale-translate or identity
-    #[arg(long, default_value = "affine")]
+    #[arg(long = command_line::TRANSFORM, default_value = "affine")]
     transform: Transform,
-    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
-    /// 0.015, target 0.015, eef 0.1, others 0.015
-    #[arg(long = "threshold", value_name = "NAME=VALUE", value_parser = parse_threshold)]
-    thresholds: Vec<(String, f64)>,
+    #[command(flatten)]
+    thresholds: ThresholdArguments,
     /// When a direction counts as no motion: reference (as the authors' code) or centred (in any
     /// unit)
-    #[arg(long, default_value = "reference")]
+    #[arg(long = command_line::RANK, default_value = "reference")]
     rank: Rank,
     /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
-    #[arg(long, value_name = "POLICY", default_value = "error")]
+    #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "error")]
     non_finite: NonFinite,
     /// Also fit and score on different sequences, in this many folds
-    #[arg(long, value_name = "N")]
+    #[arg(long = command_line::FOLDS, value_name = "N")]
     folds: Option<usize>,
     /// Also give 95 % intervals, by drawing the sequences this many times with replacement
-    #[arg(long, value_name = "RESAMPLES")]
+    #[arg(long = command_line::BOOTSTRAP, value_name = "RESAMPLES")]
     bootstrap: Option<usize>,
-    /// Deals sequences to folds and draws the bootstrap
-    #[arg(long, value_name = "SEED", default_value_t = 0)]
+    /// Seed of the folds and the bootstrap
+    #[arg(long = command_line::RESAMPLING_SEED, value_name = "SEED", default_value_t = 0)]
     resampling_seed: u64,
     /// Also give the error of every object by sequence, the worst one first
-    #[arg(long)]
+    #[arg(long = command_line::SEQUENCES)]
     sequences: bool,
-    /// Also give what others measure: linear regression from all keypoints with PCK (Jakab et al.),
+    /// Also give other metrics: linear regression from all keypoints with PCK (Jakab et al.),
     /// precision and recall of a min-cost assignment (Kulkarni et al.)
-    #[arg(long)]
+    #[arg(long = command_line::CONTEXT)]
     context: bool,
     /// Also write everything as one HTML file
     #[arg(long, value_name = "FILE.html", value_parser = files::parse_html_path)]
@@ -94,27 +90,18 @@ pub(super) struct ScoringArguments {
     csv: bool,
 }
 
-pub(super) fn parse_threshold(text: &str) -> Result<(String, f64)> {
-    const EXPECTED: &str = "expected NAME=VALUE with a number above 0, e.g. cube=0.015";
-    if text.contains(',') && text.matches('=').count() > 1 {
-        return Err(Error::input(format!(
-            "`{text}` gives more than one threshold; {EXPECTED}, and --threshold once for every object: --threshold \
-             cube=0.015 --threshold eef=0.1"
-        )));
-    }
-    let (name, value) = text
-        .rsplit_once('=')
-        .map(|(name, value)| (name.trim(), value.trim()))
-        .filter(|(name, _)| !name.is_empty())
-        .ok_or_else(|| Error::input(format!("`{text}` is no threshold; {EXPECTED}")))?;
-    match value.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok((name.to_owned(), number)),
-        Ok(_) => Err(Error::input(format!(
-            "the threshold of `{name}` is {value}, which is not a finite number above 0; {EXPECTED}"
-        ))),
-        Err(_) => Err(Error::input(format!(
-            "the threshold of `{name}` is `{value}`, which is no number; {EXPECTED}"
-        ))),
+/// The thresholds on the errors; shared by `score`, `eval` and `report`.
+#[derive(Debug, Args)]
+pub(super) struct ThresholdArguments {
+    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
+    /// 0.015, target 0.015, eef 0.1, others 0.015
+    #[arg(long = command_line::THRESHOLD, value_name = "NAME=VALUE")]
+    thresholds: Vec<Threshold>,
+}
+
+impl ThresholdArguments {
+    pub fn parse(&self) -> Result<Thresholds> {
+        Thresholds::new(self.thresholds.iter().cloned())
     }
 }
 
@@ -126,7 +113,7 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
         .filter(|sides: &[u32; 2]| sides.iter().all(|s| *s > 0))
         .ok_or_else(|| {
             Error::input(format!(
-                "`{text}` is no size; expected WIDTHxHEIGHT, e.g. 256x256"
+                "`{text}` is not a size; expected WIDTHxHEIGHT, e.g. 256x256"
             ))
         })
 }
@@ -157,13 +144,13 @@ impl ScoringArguments {
         self.report.as_deref().map_or(Ok(()), atomic::check)
     }
 
-    fn request(&self, image_size: Option<[u32; 2]>) -> Request {
-        Request {
+    fn request(&self, image_size: Option<[u32; 2]>) -> Result<Request> {
+        Ok(Request {
             settings: Settings {
                 transform: self.transform,
                 rank: self.rank,
             },
-            thresholds: self.thresholds.clone(),
+            thresholds: self.thresholds.parse()?,
             image_size,
             folds: self.folds,
             bootstrap: self.bootstrap,
@@ -171,7 +158,7 @@ impl ScoringArguments {
             // Their figures and tables need them.
             sequences: self.sequences || self.report.is_some() || self.figures.is_some(),
             context: self.context,
-        }
+        })
     }
 
     /// Scores and prints. `image_size` is the size of the images, where it is known.
@@ -183,7 +170,7 @@ impl ScoringArguments {
     ) -> Result<()> {
         let scoring = Scoring::new(truth, keypoints, self.non_finite)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
-        let mut report = self.request(image_size).evaluate(&scoring, &join)?;
+        let mut report = self.request(image_size)?.evaluate(&scoring, &join)?;
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {
             atomic::write(path, evaluation_page(&report)?.as_bytes())?;
@@ -196,7 +183,7 @@ impl ScoringArguments {
             eprintln!("note: {rule}");
         }
         if self.csv {
-            say!("{}", report.to_csv().trim_end());
+            say!("{}", evaluation_csv(&report).trim_end());
             for warning in &report.warnings {
                 eprintln!("warning: {warning}");
             }
@@ -206,23 +193,10 @@ impl ScoringArguments {
             })?;
             say!("{json}");
         } else {
-            print_table(&report)?;
+            outcome::print(&report)?;
         }
         Ok(())
     }
-}
-
-/// How this program was called.
-fn own_command() -> Result<String> {
-    let arguments: Vec<String> = std::env::args_os()
-        .skip(1)
-        .map(|argument| argument.to_string_lossy().into_owned())
-        .collect();
-    shell_line(
-        ["tracklens"]
-            .into_iter()
-            .chain(arguments.iter().map(String::as_str)),
-    )
 }
 
 fn write_figures(report: &EvaluationReport, folder: &Path) -> Result<()> {
@@ -235,133 +209,5 @@ fn write_figures(report: &EvaluationReport, folder: &Path) -> Result<()> {
         atomic::write(&path("png"), &painter.png(&figure.svg)?)?;
     }
     eprintln!("{} figures written to {}", figures.len(), folder.display());
-    Ok(())
-}
-
-fn print_table(report: &EvaluationReport) -> Result<()> {
-    let mut table = comfy_table::Table::new();
-    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header([
-        "object",
-        "tracked",
-        "error",
-        "threshold",
-        "best keypoint",
-        "RMSE",
-        "frames",
-    ]);
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.5}"));
-    for object in &report.objects {
-        let rmse = match object.rmse_px {
-            Some(px) => format!("{} ({px:.1} px)", number(object.rmse)),
-            None => number(object.rmse),
-        };
-        table.add_row([
-            object.name.clone(),
-            if object.tracked { "yes" } else { "no" }.to_owned(),
-            number(object.error),
-            object.threshold.to_string(),
-            object
-                .best_keypoint
-                .map_or_else(|| "–".to_owned(), |n| n.to_string()),
-            rmse,
-            object.frames.to_string(),
-        ]);
-    }
-    for column in 2..7 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    let tracked = report.objects.iter().filter(|o| o.tracked).count();
-    say!(
-        "TC {:.3}: {tracked} of {} objects tracked over {} frames",
-        report.tc,
-        report.objects.len(),
-        report.frames
-    );
-    say!("{table}");
-    if let Some(intervals) = &report.intervals {
-        let range = |name: &str, [low, high]: [f64; 2]| format!("{name} {low:.5} to {high:.5}");
-        let errors = intervals.objects.iter();
-        let errors: Vec<String> = errors
-            .filter_map(|o| Some(range(&o.name, o.error?)))
-            .collect();
-        say!(
-            "95 % intervals over sequences of these errors, fitted and scored on the same frames ({} resamples): {}; {}",
-            intervals.resamples,
-            range("TC", intervals.tc),
-            errors.join("; ")
-        );
-    }
-    if let Some(held_out) = &report.held_out {
-        let objects = held_out.objects.iter();
-        let errors: Vec<String> = objects
-            .map(|o| format!("{} {}", o.name, number(o.error)))
-            .collect();
-        say!(
-            "on held-out sequences ({} folds): TC {:.3}; {}",
-            held_out.folds,
-            held_out.tc,
-            errors.join("; ")
-        );
-    }
-    if let Some(sequences) = &report.sequences {
-        for of in sequences {
-            let worst = of.errors.iter().take(3).map(|sequence| {
-                format!(
-                    "{} {:.5} (frame {} {:.5})",
-                    sequence.sequence, sequence.error, sequence.worst_frame, sequence.worst_error
-                )
-            });
-            let worst: Vec<String> = worst.collect();
-            say!("worst sequences of {}: {}", of.object, worst.join("; "));
-        }
-    }
-    if let Some(context) = &report.context {
-        print_context(context)?;
-    }
-    say!(
-        "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
-        report.transform,
-        report.rank
-    );
-    for warning in &report.warnings {
-        say!("warning: {warning}");
-    }
-    Ok(())
-}
-
-fn print_context(context: &ContextReport) -> Result<()> {
-    let shares = |shares: &[f64]| {
-        let shares = context.close.iter().zip(shares);
-        let shares: Vec<String> = shares
-            .map(|(close, share)| format!("{:.1} % within {:.1} %", 100.0 * share, 100.0 * close))
-            .collect();
-        shares.join(", ")
-    };
-    for row in &context.regression {
-        say!(
-            "linear regression from all keypoints, {}, of {}: error {}; PCK {}",
-            if row.held_out {
-                "held out"
-            } else {
-                "same frames"
-            },
-            row.object,
-            row.error
-                .map_or_else(|| "–".to_owned(), |e| format!("{e:.5}")),
-            row.pck
-                .as_ref()
-                .map_or_else(|| "–".to_owned(), |pck| shares(pck))
-        );
-    }
-    for row in &context.assignment {
-        say!(
-            "min-cost assignment once a {}: precision {}; recall {}",
-            row.trajectory,
-            shares(&row.precision),
-            shares(&row.recall)
-        );
-    }
     Ok(())
 }

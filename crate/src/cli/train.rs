@@ -16,11 +16,11 @@ use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer, load_weights};
-use crate::sweep::architecture_named;
-use crate::train::{
-    BackgroundStart, Dataset, Existing, FirstLayer, RunLock, RunOptions, Split, StartWeights,
-    TargetFilter, TrainConfig, ValidationFrames, train,
+use crate::run::{
+    BackgroundStart, FirstLayer, Split, StartWeights, TargetFilter, TrainConfig, ValidationFrames,
 };
+use crate::sweep::architecture_named;
+use crate::train::{Dataset, Existing, RunLock, RunOptions, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
@@ -194,7 +194,11 @@ fn parse_bytes(text: &str) -> Result<u64> {
             .contains(&number)
             .then_some((number * f64::from(*bits).exp2()) as u64)
     });
-    found.ok_or_else(|| Error::input(format!("`{text}` is no size; expected e.g. 512MiB or 4GiB")))
+    found.ok_or_else(|| {
+        Error::input(format!(
+            "`{text}` is not a size; expected e.g. 512MiB or 4GiB"
+        ))
+    })
 }
 
 impl TrainArguments {

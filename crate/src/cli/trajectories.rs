@@ -1,22 +1,24 @@
 //! Trajectories of runs of `tracklens report` on the frames of their data set.
 
 use std::collections::BTreeSet;
-use std::path::Path as FilePath;
+use std::path::Path;
 
 use super::files;
 use crate::data::{Filter, Frame, FrameSource, SequenceRange, join};
 use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
+use crate::evaluation::ObjectReport;
 use crate::extract::{CpuExtractor, Extractor as _};
-use crate::report::{Figure, Group, ObjectReport, Path, Run, Runs, Scene, trajectories};
+use crate::metric::Object;
+use crate::report::draw::{Figure, FileNames};
+use crate::report::runs::{Group, Run, Runs, Scene, Trajectory, trajectories};
+use crate::run::{CHECKPOINT_FINAL, RunConfig};
 use crate::track::GroundTruth;
 
 /// Sequences that are drawn when none are asked for.
 const SHOWN: usize = 4;
 /// Frames are made smaller than this, in pixels: they are drawn in half of it.
 const LARGEST: u32 = 440;
-/// The weights that the errors of the last epoch belong to.
-const CHECKPOINT: &str = "checkpoint_final.safetensors";
 
 /// A figure a group, of the run in its middle. Groups whose run has no weights or no maps are said
 /// and left out.
@@ -41,11 +43,14 @@ pub(super) fn figures(
         )));
     }
     let mut figures = Vec::new();
+    let mut names = FileNames::default();
     for group in &runs.groups {
         let Some(run) = middle(group, &runs.objects) else {
             continue;
         };
-        match figure(group, run, &runs.objects, frames, truth, asked) {
+        let name = format!("trajectories-{}", names.unique(&group.name));
+        let drawing = Drawing::new(run, &runs.objects, frames, truth);
+        match drawing.and_then(|drawing| figure(&drawing, group, name, asked)) {
             Ok(figure) => figures.push(figure),
             Err(e) if e.kind() == ErrorKind::Cancelled => return Err(e),
             Err(e) => eprintln!("warning: no trajectories of {}: {e}", group.name),
@@ -56,11 +61,11 @@ pub(super) fn figures(
 
 /// The complete run whose errors, each over its threshold, have the median sum (the lower one of
 /// two): neither the best nor the worst.
-fn middle<'a>(group: &'a Group, objects: &[(String, f64)]) -> Option<&'a Run> {
+fn middle<'a>(group: &'a Group, objects: &[Object]) -> Option<&'a Run> {
     let sum = |run: &Run| -> f64 {
         let errors = objects
             .iter()
-            .filter_map(|(name, threshold)| Some(run.error(name)? / threshold));
+            .filter_map(|object| Some(run.error(&object.name)? / object.threshold));
         errors.sum()
     };
     let mut complete: Vec<&Run> = group.complete().collect();
@@ -68,121 +73,136 @@ fn middle<'a>(group: &'a Group, objects: &[(String, f64)]) -> Option<&'a Run> {
     complete.get(complete.len().saturating_sub(1) / 2).copied()
 }
 
-fn figure(
-    group: &Group,
-    run: &Run,
-    objects: &[(String, f64)],
-    frames: &dyn FrameSource,
-    truth: &GroundTruth,
-    asked: &[String],
-) -> Result<Figure> {
-    let config = run
-        .config
-        .as_ref()
-        .ok_or_else(|| Error::input("it is no training"))?;
-    let evaluation = run.evaluation.as_ref().ok_or_else(|| {
-        Error::input("its summary.json holds no maps from keypoints to objects").at(&run.name)
-    })?;
-    let fits: Vec<&ObjectReport> = objects
-        .iter()
-        .filter_map(|(name, _)| evaluation.objects.iter().find(|o| o.name == *name))
-        .filter(|object| object.map.is_some() && object.best_keypoint.is_some())
-        .collect();
-    if fits.is_empty() {
-        return Err(
-            Error::numeric("no object is visible in its validation sequences").at(&run.name),
-        );
-    }
-    let columns: Vec<usize> = fits
-        .iter()
-        .map(|fit| {
-            truth
-                .names()
-                .iter()
-                .position(|name| *name == fit.name)
-                .ok_or_else(|| {
-                    Error::mismatch(format!(
-                        "the ground truth has no object `{}`; it has {}",
-                        fit.name,
-                        truth.names().join(", ")
-                    ))
-                })
-        })
-        .collect::<Result<_>>()?;
+/// What the trajectories of one run need.
+struct Drawing<'a> {
+    run: &'a Run,
+    config: &'a RunConfig,
+    /// The objects with a map, and their columns in the ground truth.
+    fits: Vec<&'a ObjectReport>,
+    columns: Vec<usize>,
+    frames: &'a dyn FrameSource,
+    truth: &'a GroundTruth,
+    /// For each frame its row of ground truth.
+    rows: Vec<Option<usize>>,
+}
 
-    let rows = rows(frames, truth)?;
-    let all = frames.index().sequences();
-    let chosen: Vec<&SequenceRange> = match asked.is_empty() {
-        false => asked
-            .iter()
-            .filter_map(|name| all.iter().find(|range| range.name == *name))
-            .collect(),
-        true => {
-            let validation: BTreeSet<&str> = config
-                .validation_sequences
-                .iter()
-                .map(String::as_str)
-                .collect();
-            let mut own: Vec<&SequenceRange> = all
-                .iter()
-                .filter(|range| validation.contains(range.name.as_str()))
-                .collect();
-            if own.is_empty() {
-                return Err(Error::mismatch(
-                    "none of its validation sequences is among the frames; are they of another data set?",
-                )
-                .at(&run.name));
-            }
-            let motion = |range: &SequenceRange| motion(range, &rows, truth, &columns);
-            own.sort_by(|a, b| {
-                motion(b)
-                    .total_cmp(&motion(a))
-                    .then_with(|| a.name.cmp(&b.name))
-            });
-            own.truncate(SHOWN);
-            own
-        }
-    };
-
-    let path = FilePath::new(&run.name).join(CHECKPOINT);
-    let encoder =
-        Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
-    let mut extractor = CpuExtractor::new(encoder);
-    let mut scenes = Vec::new();
-    for range in chosen {
-        let trained = config.training_sequences.contains(&range.name);
-        let mut scene = scene(range, frames, &mut extractor, &fits, |t, k| {
-            rows[t].map_or([f64::NAN; 2], |row| {
-                let point = truth.frame(row);
-                [point[[columns[k], 0]], point[[columns[k], 1]]]
-            })
+impl<'a> Drawing<'a> {
+    fn new(
+        run: &'a Run,
+        objects: &[Object],
+        frames: &'a dyn FrameSource,
+        truth: &'a GroundTruth,
+    ) -> Result<Self> {
+        let config = run
+            .config
+            .as_ref()
+            .ok_or_else(|| Error::input("it was scored, not trained"))?;
+        let evaluation = run.evaluation.as_ref().ok_or_else(|| {
+            Error::input("its summary.json holds no maps from keypoints to objects").at(&run.name)
         })?;
-        if trained {
-            scene.title += " (trained on)";
+        let fits: Vec<&ObjectReport> = objects
+            .iter()
+            .filter_map(|object| evaluation.objects.iter().find(|o| o.name == object.name))
+            .filter(|object| object.map.is_some() && object.best_keypoint.is_some())
+            .collect();
+        if fits.is_empty() {
+            return Err(
+                Error::numeric("no object is visible in its validation sequences").at(&run.name),
+            );
         }
-        scenes.push(scene);
+        let column = |fit: &&ObjectReport| {
+            let names = truth.names();
+            let found = names.iter().position(|name| *name == fit.name);
+            found.ok_or_else(|| {
+                Error::mismatch(format!(
+                    "the ground truth has no object `{}`; it has {}",
+                    fit.name,
+                    names.join(", ")
+                ))
+            })
+        };
+        Ok(Self {
+            run,
+            config,
+            columns: fits.iter().map(column).collect::<Result<_>>()?,
+            fits,
+            frames,
+            truth,
+            rows: rows(frames, truth)?,
+        })
     }
-    let details: Vec<(String, String)> = fits
-        .iter()
-        .map(|fit| {
+
+    /// The sequences that are drawn: those in `asked`, or the run's validation sequences in which
+    /// the objects move furthest.
+    fn sequences(&self, asked: &[String]) -> Result<Vec<SequenceRange>> {
+        let mut all = self.frames.index().sequences();
+        if !asked.is_empty() {
+            let find = |name: &String| all.iter().find(|range| range.name == *name).cloned();
+            return Ok(asked.iter().filter_map(find).collect());
+        }
+        let validation: BTreeSet<&String> = self.config.validation_sequences.iter().collect();
+        all.retain(|range| validation.contains(&range.name));
+        if all.is_empty() {
+            return Err(Error::mismatch(
+                "none of its validation sequences is among the frames; are they of another data set?",
+            )
+            .at(&self.run.name));
+        }
+        let motion = |range: &SequenceRange| motion(range, &self.rows, self.truth, &self.columns);
+        all.sort_by(|a, b| {
+            motion(b)
+                .total_cmp(&motion(a))
+                .then_with(|| a.name.cmp(&b.name))
+        });
+        all.truncate(SHOWN);
+        Ok(all)
+    }
+
+    /// The frames and paths of `sequences`.
+    fn scenes(&self, sequences: &[SequenceRange]) -> Result<Vec<Scene>> {
+        let path = Path::new(&self.run.name).join(CHECKPOINT_FINAL);
+        let encoder =
+            Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
+        let mut extractor = CpuExtractor::new(encoder);
+        let truth = |t: usize, k: usize| {
+            self.rows[t].map_or([f64::NAN; 2], |row| {
+                let point = self.truth.frame(row);
+                [point[[self.columns[k], 0]], point[[self.columns[k], 1]]]
+            })
+        };
+        let mut scenes = Vec::new();
+        for range in sequences {
+            let mut scene = scene(range, self.frames, &mut extractor, &self.fits, truth)?;
+            if self.config.training_sequences.contains(&range.name) {
+                scene.title += " (trained on)";
+            }
+            scenes.push(scene);
+        }
+        Ok(scenes)
+    }
+
+    /// The names of the objects, with what stands below them.
+    fn details(&self) -> Vec<(String, String)> {
+        let detail = |fit: &&ObjectReport| {
             let keypoint = fit.best_keypoint.unwrap_or_default();
-            let error = fit
-                .error
-                .map_or_else(String::new, |e| format!("error {e:.4}"));
-            let verdict = if fit.tracked {
+            let error = fit.error.map(|e| format!("error {e:.4}"));
+            let error = error.unwrap_or_default();
+            let tracked = if fit.tracked {
                 "tracked"
             } else {
                 "not tracked"
             };
-            (
-                fit.name.clone(),
-                format!("keypoint {keypoint}\n{error}\n{verdict}"),
-            )
-        })
-        .collect();
-    let seed = run
-        .seed
-        .map_or_else(String::new, |seed| format!(" (seed {seed})"));
+            let text = format!("keypoint {keypoint}\n{error}\n{tracked}");
+            (fit.name.clone(), text)
+        };
+        self.fits.iter().map(detail).collect()
+    }
+}
+
+fn figure(drawing: &Drawing, group: &Group, name: String, asked: &[String]) -> Result<Figure> {
+    let scenes = drawing.scenes(&drawing.sequences(asked)?)?;
+    let seed = drawing.run.seed;
+    let seed = seed.map_or_else(String::new, |seed| format!(" (seed {seed})"));
     let which = match asked.is_empty() {
         true => "the validation sequences in which the objects move furthest",
         false => "sequences that were asked for",
@@ -199,12 +219,7 @@ fn figure(
          sequences; what lies outside the image is drawn at its edge.",
         group.name
     );
-    trajectories(
-        &format!("trajectories-{}", group.name),
-        caption,
-        &details,
-        &scenes,
-    )
+    trajectories(name, caption, &drawing.details(), &scenes)
 }
 
 /// For each frame its row of ground truth.
@@ -243,12 +258,12 @@ fn scene(
     fits: &[&ObjectReport],
     truth: impl Fn(usize, usize) -> [f64; 2],
 ) -> Result<Scene> {
-    let empty = || Path {
+    let empty = || Trajectory {
         truth: Vec::new(),
         keypoint: Vec::new(),
         transformed: Vec::new(),
     };
-    let mut paths: Vec<Path> = fits.iter().map(|_| empty()).collect();
+    let mut paths: Vec<Trajectory> = fits.iter().map(|_| empty()).collect();
     let mut shown = None;
     for t in range.start..range.start + range.length {
         let frame = frames.read(t)?;
@@ -268,8 +283,7 @@ fn scene(
             let [x, y] = point.map(f64::from);
             path.truth.push(truth(t, k));
             path.keypoint.push(grid.to_image([x, y]));
-            path.transformed
-                .push([0, 1].map(|axis| map.a[axis][0] * x + map.a[axis][1] * y + map.b[axis]));
+            path.transformed.push(map.apply([x, y]));
         }
         shown.get_or_insert(frame);
     }

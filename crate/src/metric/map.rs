@@ -79,6 +79,7 @@ named!(
 
 /// `truth = A z + b`, on column vectors (x, y).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "data", derive(serde::Serialize, serde::Deserialize))]
 pub struct AffineMap {
     /// The matrix A, row by row.
     pub a: [[f64; 2]; 2],

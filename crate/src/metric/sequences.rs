@@ -26,14 +26,15 @@ pub struct HeldOut {
 
 /// One object of [`HeldOut`].
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "data", derive(serde::Serialize, serde::Deserialize))]
 pub struct HeldOutObject {
     /// Its name.
     pub name: String,
+    /// Whether the error is at most the threshold.
+    pub tracked: bool,
     /// The mean squared distance over all frames, each with the map fitted without its fold (ndc);
     /// `None` when the object is visible in no frame, or all its frames are in one fold.
     pub error: Option<f64>,
-    /// Whether the error is at most the threshold.
-    pub tracked: bool,
     /// The best keypoint on the other folds, by the fold; `None` where they do not show the object.
     pub keypoints: Vec<Option<usize>>,
 }

@@ -1,4 +1,4 @@
-//! The folder of one run of a sweep: who works on it, and how far it has come.
+//! The folder of one run of a sweep: which process works on it, and how far it is.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,8 @@ use serde::Serialize;
 
 use crate::atomic;
 use crate::error::{Error, Result};
-use crate::train::{LOCK, LOG, RunLock, SUMMARY, TrainSummary, holder};
-
-/// Why the last attempt failed.
-const ERROR: &str = "error.txt";
+use crate::run::{ERROR, LOCK, LOG, SUMMARY, TrainSummary, partial_folder};
+use crate::train::{RunLock, holder};
 
 /// Where a run is while it is worked on, and when it is complete.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,16 +25,16 @@ pub struct RunPlace {
 pub enum State {
     /// Complete.
     Done,
-    /// Somebody works on it.
+    /// A process works on it.
     Running {
-        /// Who, as they said.
+        /// The process, as it names itself.
         holder: String,
         /// Whole epochs so far.
         epochs: u64,
     },
     /// The last attempt ended with an error.
     Failed {
-        /// What it said.
+        /// The error.
         error: String,
         /// Whole epochs so far.
         epochs: u64,
@@ -60,17 +58,23 @@ pub struct Claim {
 impl RunPlace {
     /// The place of the run `name` in the folder of a sweep.
     pub fn new(sweep: &Path, name: &str) -> Self {
+        let finished = sweep.join(name);
         Self {
-            finished: sweep.join(name),
-            partial: sweep.join(format!("{name}.partial")),
+            partial: partial_folder(&finished),
+            finished,
         }
     }
 
-    /// What state the run is in, when it is to have `epochs` epochs.
-    ///
-    /// # Errors
-    /// When a file that is there cannot be read.
-    pub fn state(&self, epochs: u32) -> Result<State> {
+    /// What state the run is in, when it is to have `epochs` epochs. A run with a file that cannot
+    /// be read has failed, with the reason.
+    pub fn state(&self, epochs: u32) -> State {
+        self.read_state(epochs).unwrap_or_else(|e| State::Failed {
+            error: e.to_string(),
+            epochs: self.epochs(),
+        })
+    }
+
+    fn read_state(&self, epochs: u32) -> Result<State> {
         if self.is_complete(epochs)? {
             return Ok(State::Done);
         }
@@ -160,8 +164,10 @@ impl RunPlace {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
             Err(e) => return Err(Error::io(path.display(), &e)),
         };
-        let summary: TrainSummary = serde_json::from_slice(&bytes)
-            .map_err(|e| Error::input(e.to_string()).at(path.display()))?;
+        let summary: TrainSummary = serde_json::from_slice(&bytes).map_err(|e| {
+            let remedy = "delete the folder of the run to train it again";
+            Error::input(format!("cannot be read ({e}); {remedy}")).at(path.display())
+        })?;
         Ok(summary.epochs >= epochs)
     }
 }

@@ -1,5 +1,4 @@
-//! Many runs: what a sweep file asks for, the folders of its runs and what state they are in, and
-//! their way to a cluster.
+//! Many runs: sweep files and plans, the state of the folder of each run, and scripts for clusters.
 //!
 //! A sweep lives in one folder: `plan.jsonl` with a line a run, and a folder a run,
 //! `ARCHITECTURE/seed-S`. A run is trained in `….partial`, which takes its final name when the run
@@ -9,6 +8,6 @@ mod folder;
 mod plan;
 mod slurm;
 
-pub use folder::{Claim, RunPlace, State};
+pub use folder::{RunPlace, State};
 pub use plan::{Plan, PlannedRun, Setting, SettingKind, SweepFile, architecture_named};
-pub use slurm::{Submission, array, script};
+pub use slurm::{Submission, script};

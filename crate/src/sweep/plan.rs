@@ -78,7 +78,7 @@ impl SweepFile {
     /// Reads a sweep file (TOML), whose paths are relative to `folder`.
     ///
     /// # Errors
-    /// When the text is no TOML, a key or an architecture is unknown, a value is not what the key
+    /// When the text is not TOML, a key or an architecture is unknown, a value is not what the key
     /// takes, or one that is needed is missing; with the line, and the nearest name that is known.
     pub fn parse(text: &str, folder: &Path, settings: &[Setting]) -> Result<Self> {
         Reader {
@@ -133,7 +133,7 @@ impl SweepFile {
     }
 }
 
-/// Of an option that is given several times, the last one. Every argument is `--name`, or a value
+/// Keeps the last one of an option that is given several times. Every argument is `--name`, or a value
 /// after it.
 fn deduplicated(arguments: Vec<String>) -> Vec<String> {
     let mut options: Vec<Vec<String>> = Vec::new();
@@ -172,7 +172,7 @@ impl Plan {
     /// Reads a `plan.jsonl`.
     ///
     /// # Errors
-    /// Names the line that is no run, or whose name leads out of the sweep's folder or is there
+    /// Names the line that is not a run, or whose name leads out of the sweep's folder or is there
     /// twice.
     pub fn parse(text: &str) -> Result<Self> {
         let mut runs: Vec<PlannedRun> = Vec::new();
@@ -182,7 +182,7 @@ impl Plan {
             let is_plain = |part: &str| !matches!(part, "" | "." | "..") && !part.contains('\\');
             if !run.run.split('/').all(is_plain) || runs.iter().any(|r| r.run == run.run) {
                 return Err(Error::input(format!(
-                    "line {}: `{}` is no name of a run, or not the first of this name; write the plan anew with \
+                    "line {}: `{}` is not a valid name of a run, or not the first of this name; write the plan anew with \
                      `tracklens sweep plan`",
                     i + 1,
                     run.run

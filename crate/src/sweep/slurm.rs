@@ -64,6 +64,12 @@ pub fn script(
     // Slurm reads its options as a shell does, but for a % before some letters, which is written
     // twice.
     let log = folder.join("slurm").to_string_lossy().replace('%', "%%");
+    if log.contains('"') {
+        return Err(Error::input(
+            "the path contains a double quote, which Slurm does not take in the path of a log; use another folder",
+        )
+        .at(folder.display()));
+    }
     let mut options = vec![
         "--job-name=tracklens".to_owned(),
         match submission.throttle {
@@ -85,7 +91,9 @@ pub fn script(
     let mut script = "#!/bin/bash\n".to_owned();
     for option in options {
         if option.contains('\n') {
-            return Err(Error::input(format!("`{option}` is no option of sbatch")));
+            return Err(Error::input(format!(
+                "`{option}` is not an option of sbatch"
+            )));
         }
         script += &format!("#SBATCH {option}\n");
     }

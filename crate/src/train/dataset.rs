@@ -9,10 +9,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
-use super::{SNIPPET, TargetFilter, TrainConfig, state};
+use super::{SNIPPET, state};
 use crate::data::{self, BLOCK, Filter, Frame, FrameSource, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
+use crate::run::{TargetFilter, TrainConfig};
 use crate::track::GroundTruth;
 
 /// What decoded frames may take in memory unless told otherwise, in bytes: 4 GiB.

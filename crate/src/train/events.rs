@@ -6,11 +6,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use syntaxdot_summary::SummaryWriter;
 
-use super::{EpochLog, Losses};
 use crate::error::{Error, Result};
-
-/// What TensorBoard knows event files by.
-const PREFIX: &str = "events.out.tfevents.";
+use crate::run::{EVENTS_PREFIX, EpochLog, Losses};
 
 /// The scalars of a run's epochs, which are the steps of TensorBoard: `training/total` and so on,
 /// `validation/total` and so on, `tc`, and `error/MAP/OBJECT`.
@@ -27,7 +24,11 @@ impl Events {
         let mut earlier = Vec::new();
         for entry in fs::read_dir(folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
-            if entry.file_name().to_string_lossy().starts_with(PREFIX) {
+            if entry
+                .file_name()
+                .to_string_lossy()
+                .starts_with(EVENTS_PREFIX)
+            {
                 earlier.push(entry.path());
             }
         }
@@ -36,9 +37,9 @@ impl Events {
             .map_or(0, |now| now.as_secs());
         // TensorBoard reads the files of a folder in the order of their names.
         let path = (0..)
-            .map(|n| folder.join(format!("{PREFIX}{seconds:010}.{n}.tracklens")))
+            .map(|n| folder.join(format!("{EVENTS_PREFIX}{seconds:010}.{n}.tracklens")))
             .find(|path| !path.exists())
-            .unwrap_or_else(|| folder.join(PREFIX));
+            .unwrap_or_else(|| folder.join(EVENTS_PREFIX));
         let failed = |e: std::io::Error| Error::io(path.display(), &e);
         let writer = File::create(&path)
             .and_then(SummaryWriter::new)

@@ -6,10 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::error::{Error, Result};
-
-/// The file in a run folder that is locked while a process works on the run. It names that process
-/// and goes when the process is done.
-pub const LOCK: &str = "lock";
+use crate::run::LOCK;
 
 /// How often a lock that somebody holds is tried again, and how long after. Whoever looks for the
 /// holder holds the lock for a moment.

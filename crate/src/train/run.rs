@@ -19,19 +19,17 @@ use super::events::Events;
 use super::lock::RunLock;
 use super::state::{self, Header, Progress, State};
 use super::validation::Validation;
-use super::{
-    BackgroundStart, CONFIG, Dataset, EpochLog, LOG, Losses, RunConfig, SNIPPET, SUMMARY, Sequence,
-    TrainConfig, TrainSummary, Trainer, read_log,
-};
+use super::{Dataset, SNIPPET, Sequence, Trainer};
 use crate::atomic;
 use crate::checkpoint::{BACKGROUND, Checkpoint};
 use crate::error::{Error, ErrorKind, Result};
+use crate::evaluation::EvaluationReport;
 use crate::event::{Cancel, Event};
 use crate::model::{OpenDevice, open};
-use crate::report::EvaluationReport;
-
-const BEST: &str = "checkpoint_best.safetensors";
-const FINAL: &str = "checkpoint_final.safetensors";
+use crate::run::{
+    BackgroundStart, CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, EpochLog, LOG, Losses, RunConfig,
+    STATE, SUMMARY, TrainConfig, TrainSummary, read_log,
+};
 
 /// What to do with a folder that holds a run already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -232,8 +230,10 @@ impl<'a> RunFolder<'a> {
         run: &RunConfig,
         data: &Fingerprint,
     ) -> Result<Self> {
-        let has_state = path.join(state::FILE).exists();
-        if options.existing == Existing::Refuse && (has_state || path.join(FINAL).exists()) {
+        let has_state = path.join(STATE).exists();
+        if options.existing == Existing::Refuse
+            && (has_state || path.join(CHECKPOINT_FINAL).exists())
+        {
             return Err(Error::input(format!(
                 "{} holds a run already; resume it (--resume), give another folder, or delete it",
                 path.display()
@@ -336,9 +336,9 @@ impl<'a> RunFolder<'a> {
         ]);
         let checkpoint = trainer.checkpoint(metadata)?.to_safetensors()?;
         if is_best {
-            atomic::write(&self.path.join(BEST), &checkpoint)?;
+            atomic::write(&self.path.join(CHECKPOINT_BEST), &checkpoint)?;
         }
-        atomic::write(&self.path.join(FINAL), &checkpoint)?;
+        atomic::write(&self.path.join(CHECKPOINT_FINAL), &checkpoint)?;
         progress.summary.epochs = entry.epoch;
         progress.summary.last = Some(entry);
         progress.summary.evaluation = Some(evaluation);
@@ -377,7 +377,7 @@ fn open_log(folder: &Path, progress: &Progress) -> Result<(File, Sha256)> {
         return Err(Error::input(format!(
             "the log is not the one that {} belongs to: it was edited, or one of them comes from \
              another run; start again in another folder",
-            state::FILE
+            STATE
         ))
         .at(path.display()));
     }
@@ -397,7 +397,7 @@ fn as_value(run: &RunConfig) -> Result<Value> {
 fn same_run(folder: &Path, state: &Header, run: &RunConfig, data: &Fingerprint) -> Result<()> {
     let mut differences = Vec::new();
     compare("", &state.run, &as_value(run)?, &mut differences);
-    let refused = |what: String| Err(Error::mismatch(what).at(folder.join(state::FILE).display()));
+    let refused = |what: String| Err(Error::mismatch(what).at(folder.join(STATE).display()));
     if !differences.is_empty() {
         return refused(format!(
             "is of another run: {}; resume with what it was started with",

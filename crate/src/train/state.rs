@@ -14,14 +14,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 
+use super::Trainer;
 use super::dataset::Fingerprint;
-use super::{TrainSummary, Trainer};
 use crate::atomic;
 use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
+use crate::run::{STATE, TrainSummary};
 
-/// The file in the run folder.
-pub(super) const FILE: &str = "state.safetensors";
 /// The tensors.
 const OPTIMIZER: &str = "optimizer.bpk";
 const WEIGHTS: &str = "weights.safetensors";
@@ -92,12 +91,12 @@ pub(super) fn save(folder: &Path, trainer: &Trainer, header: &Header) -> Result<
     let checksum = checksum(&header, &weights, &optimizer);
     let metadata = HashMap::from([(HEADER.to_owned(), header), (CHECKSUM.to_owned(), checksum)]);
     let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| failed(&e))?;
-    atomic::write(&folder.join(FILE), &bytes)
+    atomic::write(&folder.join(STATE), &bytes)
 }
 
 /// Reads the state of a run and checks that it is what [`save`] wrote.
 pub(super) fn load(folder: &Path) -> Result<State> {
-    let path = folder.join(FILE);
+    let path = folder.join(STATE);
     let bytes = fs::read(&path).map_err(|e| Error::io(path.display(), &e))?;
     parse(&bytes).map_err(|e| e.at(path.display()))
 }

@@ -6,11 +6,12 @@ use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::prelude::{Device, Module, Tensor, TensorData};
 use burn::tensor::Bytes;
 
+use super::SNIPPET;
 use super::optimizer::adam;
-use super::{Losses, SNIPPET};
 use crate::checkpoint::{self, Checkpoint, SaeConfig};
 use crate::error::{Error, Result};
 use crate::model::{Sae, SaeOutput, host_values};
+use crate::run::Losses;
 
 /// An SAE with its optimizer.
 pub struct Trainer {

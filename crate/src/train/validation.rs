@@ -6,13 +6,13 @@ use rand::SeedableRng as _;
 use rand::rngs::StdRng;
 use rand::seq::SliceRandom as _;
 
-use super::config::ValidationFrames;
-use super::{Dataset, Losses, SNIPPET, Sequence, TrainConfig, Trainer};
+use super::{Dataset, SNIPPET, Sequence, Trainer};
 use crate::error::{Error, Result};
+use crate::evaluation::EvaluationReport;
 use crate::event::Cancel;
 use crate::metric::{Accumulator, NonFinite, Object, Settings, Transform};
 use crate::model::points_xy;
-use crate::report::EvaluationReport;
+use crate::run::{Losses, TrainConfig, ValidationFrames};
 
 /// Frames that pass the autoencoder together.
 const BATCH: usize = 32;

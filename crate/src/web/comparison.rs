@@ -7,14 +7,15 @@ use js_sys::{Object, Reflect, Uint8Array};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::options::from_js;
+use super::options::{from_js, thresholds};
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
-use crate::metric::default_threshold;
-use crate::report::{
-    Figure, Grouping, Run, RunFiles, Runs, RunsReport, Unread, data_sets, errors_csv, figures,
-    runs_csv, runs_markdown, runs_page,
+use crate::report::draw::Figure;
+use crate::report::runs::{
+    Grouping, Run, Runs, RunsReport, Unread, data_sets, errors_csv, runs_csv, runs_figures,
+    runs_markdown, runs_page, runs_tables,
 };
+use crate::run::RunFiles;
 
 /// Draws of the runs for the intervals, as `tracklens report` makes them.
 const RESAMPLES: usize = 2000;
@@ -57,7 +58,7 @@ struct RunLine<'a> {
 
 #[wasm_bindgen]
 impl Comparison {
-    /// Of no run yet.
+    /// Without any run.
     #[wasm_bindgen(constructor)]
     pub fn new() -> Comparison {
         Self::default()
@@ -67,8 +68,8 @@ impl Comparison {
     /// as far as they are there.
     ///
     /// # Errors
-    /// When `files` holds something else than bytes. A folder that cannot be read is none: it is
-    /// counted.
+    /// When `files` holds something else than bytes. A folder that cannot be read is not an
+    /// error: it is counted.
     #[wasm_bindgen(js_name = addRun)]
     pub fn add_run(&mut self, name: &str, files: &Object) -> JsResult<()> {
         let bytes = |key: &str| -> JsResult<Option<Vec<u8>>> {
@@ -78,7 +79,7 @@ impl Comparison {
             }
             let bytes = value.dyn_into::<Uint8Array>().map_err(|_| {
                 js_error(&Error::input(format!(
-                    "`{key}` of {name} is no Uint8Array; expected the bytes of the file"
+                    "`{key}` of {name} is not a Uint8Array; expected the bytes of the file"
                 )))
             })?;
             Ok(Some(bytes.to_vec()))
@@ -106,7 +107,7 @@ impl Comparison {
     /// with.
     ///
     /// # Errors
-    /// When `evaluation` is none.
+    /// When `evaluation` is not one.
     #[wasm_bindgen(js_name = addEvaluation)]
     pub fn add_evaluation(
         &mut self,
@@ -170,15 +171,11 @@ impl Comparison {
             true => Vec::new(),
             false => sets.swap_remove(options.data_set).runs,
         };
-        let threshold = |object: &str| {
-            let given = options.thresholds.get(object).copied();
-            given.unwrap_or_else(|| default_threshold(object))
-        };
         let compared = || {
-            let runs = Runs::new(runs, threshold, &grouping)?;
+            let runs = Runs::new(runs, &thresholds(options.thresholds)?, &grouping)?;
             let resamples = options.resamples.unwrap_or(RESAMPLES);
             let report = RunsReport::new(&runs, self.unread.clone(), resamples, options.seed)?;
-            let figures = figures(&runs, &report)?;
+            let figures = runs_figures(&runs, &report)?;
             Ok(Compared { report, figures })
         };
         compared().map_err(|e: Error| js_error(&e))
@@ -238,6 +235,15 @@ impl Compared {
     #[wasm_bindgen(getter)]
     pub fn report(&self) -> JsResult<JsValue> {
         to_js(&self.report)
+    }
+
+    /// The tables, as every output shows them.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn tables(&self) -> JsResult<JsValue> {
+        to_js(&runs_tables(&self.report))
     }
 
     /// The figures as SVG documents, with their captions.

@@ -4,7 +4,9 @@ use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
-use crate::report::{self, EvaluationReport, Theme, evaluation_page};
+use crate::evaluation::EvaluationReport;
+use crate::report::draw::Theme;
+use crate::report::evaluation::{capability, evaluation_csv, evaluation_page, matrix, sequences};
 
 fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
     serde_wasm_bindgen::from_value(evaluation)
@@ -25,8 +27,8 @@ pub fn evaluation_page_of(evaluation: JsValue) -> JsResult<String> {
 /// # Errors
 /// When the evaluation is not understood.
 #[wasm_bindgen(js_name = evaluationCsv)]
-pub fn evaluation_csv(evaluation: JsValue) -> JsResult<String> {
-    Ok(evaluation_from_js(evaluation)?.to_csv())
+pub fn evaluation_csv_of(evaluation: JsValue) -> JsResult<String> {
+    Ok(evaluation_csv(&evaluation_from_js(evaluation)?))
 }
 
 fn theme_from_js(theme: JsValue) -> JsResult<Theme> {
@@ -37,7 +39,7 @@ fn theme_from_js(theme: JsValue) -> JsResult<Theme> {
         .map_err(|e| js_error(&Error::input(format!("the theme: {e}"))))
 }
 
-/// The matrix of errors; see [`report::matrix`].
+/// The matrix of errors; see [`matrix`].
 ///
 /// # Errors
 /// When an argument is not understood.
@@ -53,11 +55,11 @@ pub fn matrix_figure(
         .map(|n| usize::try_from(n).ok())
         .collect();
     let evaluation = evaluation_from_js(evaluation)?;
-    let drawn = report::matrix(&evaluation, &chosen, &theme_from_js(theme)?, width);
+    let drawn = matrix(&evaluation, &chosen, &theme_from_js(theme)?, width);
     to_js(&drawn.map_err(|e| js_error(&e))?)
 }
 
-/// TC over a common factor of the thresholds; see [`report::capability`].
+/// TC over a common factor of the thresholds; see [`capability`].
 ///
 /// # Errors
 /// When an argument is not understood.
@@ -69,11 +71,11 @@ pub fn capability_figure(
     width: u32,
 ) -> JsResult<JsValue> {
     let evaluation = evaluation_from_js(evaluation)?;
-    let drawn = report::capability(&evaluation, factor, &theme_from_js(theme)?, width);
+    let drawn = capability(&evaluation, factor, &theme_from_js(theme)?, width);
     to_js(&drawn.map_err(|e| js_error(&e))?)
 }
 
-/// Errors by sequence; see [`report::sequences`].
+/// Errors by sequence; see [`sequences`].
 ///
 /// # Errors
 /// When an argument is not understood.
@@ -85,6 +87,6 @@ pub fn sequences_figure(
     theme: JsValue,
     width: u32,
 ) -> JsResult<JsValue> {
-    let drawn = report::sequences(&errors, threshold, selected, &theme_from_js(theme)?, width);
+    let drawn = sequences(&errors, threshold, selected, &theme_from_js(theme)?, width);
     to_js(&drawn.map_err(|e| js_error(&e))?)
 }

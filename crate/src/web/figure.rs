@@ -6,7 +6,7 @@ use web_sys::HtmlCanvasElement;
 
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
-use crate::report::{self, LineFigure};
+use crate::report::draw::{self, LineFigure};
 
 fn figure_from_js(figure: JsValue) -> JsResult<LineFigure> {
     serde_wasm_bindgen::from_value(figure)
@@ -25,7 +25,7 @@ pub fn draw_lines(canvas: HtmlCanvasElement, figure: JsValue) -> JsResult<JsValu
             "the canvas has no 2D context; is it used for WebGL?",
         ))
     })?;
-    to_js(&report::draw_lines(backend, &figure).map_err(|e| js_error(&e))?)
+    to_js(&draw::draw_lines(backend, &figure).map_err(|e| js_error(&e))?)
 }
 
 /// The same figure as an SVG document.
@@ -34,5 +34,5 @@ pub fn draw_lines(canvas: HtmlCanvasElement, figure: JsValue) -> JsResult<JsValu
 /// When the figure is not understood.
 #[wasm_bindgen(js_name = linesToSvg)]
 pub fn lines_to_svg(figure: JsValue, width: u32, height: u32) -> JsResult<String> {
-    report::lines_to_svg(&figure_from_js(figure)?, width, height).map_err(|e| js_error(&e))
+    draw::lines_to_svg(&figure_from_js(figure)?, width, height).map_err(|e| js_error(&e))
 }

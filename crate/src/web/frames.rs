@@ -6,7 +6,7 @@ use wasm_bindgen::prelude::*;
 use super::tables::GroundTruthTable;
 use super::{JsResult, js_error, to_js};
 use crate::data;
-use crate::report::{JoinReport, UnmatchedSequence, unmatched_sequences};
+use crate::evaluation::{self, JoinReport, UnmatchedSequence, unmatched_sequences};
 use crate::track::FrameKey;
 
 /// The frames among dropped files, in natural order.
@@ -91,13 +91,22 @@ impl FrameIndex {
 pub fn join_frames(frames: &FrameIndex, truth: &GroundTruthTable) -> JsResult<JsValue> {
     let (frames, rows) = (frames.index.keys(), truth.table.content.keys());
     let join = data::join(frames, rows).map_err(|e| js_error(&e))?;
-    to_js(&JsJoin::new(&join, frames, rows))
+    Joined::new(&join, frames, rows).to_js()
 }
 
 /// The report of a join with all that is unmatched.
 #[derive(Serialize)]
-pub(super) struct JsJoin {
-    #[serde(flatten)]
+#[serde(rename_all = "camelCase")]
+struct JsJoin<'a> {
+    matched: usize,
+    rules: &'a [String],
+    unmatched_frames: &'a evaluation::Unmatched,
+    unmatched_rows: &'a evaluation::Unmatched,
+    unmatched: &'a Unmatched,
+}
+
+/// A join with its report.
+pub(super) struct Joined {
     pub report: JoinReport,
     unmatched: Unmatched,
 }
@@ -108,7 +117,7 @@ struct Unmatched {
     rows: Vec<UnmatchedSequence>,
 }
 
-impl JsJoin {
+impl Joined {
     pub fn new(join: &data::Join, frames: &[FrameKey], rows: &[FrameKey]) -> Self {
         Self {
             report: JoinReport::new(join, frames, rows),
@@ -117,6 +126,16 @@ impl JsJoin {
                 rows: unmatched_sequences(rows, &join.unmatched_right),
             },
         }
+    }
+
+    pub fn to_js(&self) -> JsResult<JsValue> {
+        to_js(&JsJoin {
+            matched: self.report.matched,
+            rules: &self.report.rules,
+            unmatched_frames: &self.report.unmatched_frames,
+            unmatched_rows: &self.report.unmatched_rows,
+            unmatched: &self.unmatched,
+        })
     }
 }
 

@@ -5,6 +5,8 @@
 //! there is something to draw, comparison with the first runs, extraction on the GPU where there is
 //! one. Objects of one part mean nothing to another one.
 
+#[cfg(feature = "web-scoring")]
+mod command;
 #[cfg(feature = "web-comparison")]
 mod comparison;
 #[cfg(feature = "web-scoring")]
@@ -27,6 +29,8 @@ mod gpu;
 mod images;
 #[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
+#[cfg(feature = "web-scoring")]
+mod runs;
 #[cfg(feature = "web-scoring")]
 mod scoring;
 #[cfg(feature = "web-scoring")]

@@ -7,22 +7,22 @@ use js_sys::{Float64Array, Object, Reflect};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::frames::{FrameIndex, JsJoin, sequences_to_js};
-use super::options::from_js;
+use super::command::{Inputs, command};
+use super::frames::{FrameIndex, Joined, sequences_to_js};
+use super::options::{from_js, thresholds};
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
+use crate::evaluation::{self, EvaluationReport, IntervalsReport, Request};
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
-use crate::report::{EvaluationReport, Inputs, IntervalsReport, Request};
-use crate::scoring;
 use crate::track::FrameKey;
 
 /// Ground truth and keypoints, joined.
 #[wasm_bindgen]
 pub struct Scoring {
-    scoring: scoring::Scoring,
-    join: JsJoin,
+    scoring: evaluation::Scoring,
+    join: Joined,
     policy: NonFinite,
 }
 
@@ -59,13 +59,14 @@ impl ScoreOptions {
             .as_deref()
             .map(str::parse::<Transform>)
             .transpose();
+        let thresholds = thresholds(options.thresholds);
         let rank = options.rank.as_deref().map(str::parse::<Rank>).transpose();
         Ok(Request {
             settings: Settings {
                 transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
                 rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
             },
-            thresholds: options.thresholds.into_iter().collect(),
+            thresholds: thresholds.map_err(|e| js_error(&e))?,
             image_size: options.image_size,
             folds: options.folds,
             bootstrap: options.bootstrap,
@@ -74,16 +75,6 @@ impl ScoreOptions {
             context: options.context,
         })
     }
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct CommandInputs {
-    truth: String,
-    keypoints: Option<String>,
-    checkpoint: Option<String>,
-    frames: Option<String>,
-    options: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -147,8 +138,9 @@ impl Scoring {
             .transpose();
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
-        let scoring = scoring::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
-        let join = JsJoin::new(scoring.join(), keypoints.keys(), truth.keys());
+        let scoring =
+            evaluation::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
+        let join = Joined::new(scoring.join(), keypoints.keys(), truth.keys());
         Ok(Self {
             scoring,
             join,
@@ -162,7 +154,7 @@ impl Scoring {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(getter)]
     pub fn join(&self) -> JsResult<JsValue> {
-        to_js(&self.join)
+        self.join.to_js()
     }
 
     /// The number of joined frames.
@@ -301,18 +293,8 @@ impl Scoring {
     /// When an option is not understood, or a name cannot be written in a shell.
     pub fn command(&self, inputs: JsValue, options: JsValue) -> JsResult<String> {
         let request = ScoreOptions::request(options, "command")?;
-        let keys = ["truth", "keypoints", "checkpoint", "frames", "options"];
-        let inputs: CommandInputs = from_js(inputs, "the inputs of command", &keys)?;
-        let inputs = Inputs {
-            truth: inputs.truth,
-            keypoints: inputs.keypoints,
-            checkpoint: inputs.checkpoint,
-            frames: inputs.frames,
-            options: inputs.options,
-        };
-        request
-            .command(&inputs, self.policy)
-            .map_err(|e| js_error(&e))
+        let inputs: Inputs = from_js(inputs, "the inputs of command", &Inputs::KEYS)?;
+        command(&request, &inputs, self.policy).map_err(|e| js_error(&e))
     }
 
     /// The keypoints of a joined frame, N x 2.

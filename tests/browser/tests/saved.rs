@@ -287,7 +287,8 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     .await;
     page.pick(&[&files[1], &files[2], &good]).await;
     page.until_scored().await;
-    page.until_text("cut.json: no JSON of an evaluation").await;
+    page.until_text("cut.json: not the JSON of an evaluation")
+        .await;
     page.until_text("expected the folders of the runs, or their evaluations")
         .await;
     let state = |name: &str| {

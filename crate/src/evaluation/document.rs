@@ -1,0 +1,544 @@
+//! An evaluation as JSON (schema `tracklens/evaluation/2`, which `docs/metrics.md`
+//! describes).
+
+use serde::{Deserialize, Serialize};
+
+use super::scoring::{Context, SequenceError};
+use crate::data::Join;
+use crate::error::{Error, Result};
+use crate::metric::context::{Assignment, CLOSE, Regression};
+use crate::metric::{AffineMap, Evaluation, HeldOut, HeldOutObject, Intervals, Transform};
+use crate::track::FrameKey;
+
+/// The name of the schema, before its number.
+const SCHEMA: &str = "tracklens/evaluation/";
+/// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of
+/// images and command.
+const NEWEST: u32 = 2;
+
+/// How many names of unmatched frames a report shows.
+const SHOWN: usize = 5;
+
+/// The result of scoring one detector, as written to JSON. Points and errors are in ndc, (x, y).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct EvaluationReport {
+    /// `tracklens/evaluation/2`.
+    pub schema: String,
+    /// The version that computed it.
+    pub version: String,
+    /// The command that repeats it, where one does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+    /// Tracking capability: the share of tracked objects.
+    pub tc: f64,
+    /// The number of frames T.
+    pub frames: u64,
+    /// Frames left out because a keypoint was not finite.
+    pub excluded: u64,
+    /// `identity`, `scale-translate` or `affine`.
+    pub transform: String,
+    /// The rank rule: `reference` or `centred`.
+    pub rank: String,
+    /// `fit-and-score-same-frames`: as the authors' code does it.
+    pub protocol: String,
+    /// The objects.
+    pub objects: Vec<ObjectReport>,
+    /// `e_{n,k}`: per object, one error a keypoint; null when the object is visible nowhere.
+    pub errors: Vec<Vec<Option<f64>>>,
+    /// Warnings for the reader.
+    pub warnings: Vec<String>,
+    /// Width and height of the images in pixels, where they are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_size: Option<[u32; 2]>,
+    /// How frames were matched to rows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub join: Option<JoinReport>,
+    /// The same on sequences that the maps were not fitted on, where that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<HeldOutReport>,
+    /// 95 % intervals, where they were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intervals: Option<IntervalsReport>,
+    /// The errors of the best keypoints by sequence, where they were asked for; in the order of the
+    /// objects that are visible.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sequences: Option<Vec<SequencesReport>>,
+    /// Other metrics of the same data, where they were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub context: Option<ContextReport>,
+}
+
+/// The errors of one object by sequence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SequencesReport {
+    /// The name of the object.
+    pub object: String,
+    /// The keypoint, counted from 0.
+    pub keypoint: usize,
+    /// The sequences that show the object, the worst one first.
+    pub errors: Vec<SequenceReport>,
+}
+
+/// [`SequenceError`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SequenceReport {
+    /// The name of the sequence.
+    pub sequence: String,
+    /// Frames in which the object is visible.
+    pub frames: u64,
+    /// The mean squared distance over these frames.
+    pub error: f64,
+    /// The number of the frame with the largest squared distance.
+    pub worst_frame: u64,
+    /// That squared distance.
+    pub worst_error: f64,
+}
+
+/// [`Context`] as JSON; the shares stand in the order of `close`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ContextReport {
+    /// The distances that count as close, as shares of the side of the image.
+    pub close: Vec<f64>,
+    /// Every object by linear regression from all keypoints, with PCK.
+    pub regression: Vec<RegressionReport>,
+    /// Keypoints matched one to one to objects, in every frame and in every sequence.
+    pub assignment: Vec<AssignmentReport>,
+}
+
+/// [`Regression`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RegressionReport {
+    /// The name of the object.
+    pub object: String,
+    /// Whether the frames that are predicted were not fitted.
+    pub held_out: bool,
+    /// Frames that were predicted.
+    pub frames: u64,
+    /// The mean squared distance of the predictions.
+    pub error: Option<f64>,
+    /// The share of frames whose prediction is close.
+    pub pck: Option<Vec<f64>>,
+}
+
+/// [`Assignment`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AssignmentReport {
+    /// What is matched: `frame` or `sequence`.
+    pub trajectory: String,
+    /// The number of trajectories of keypoints.
+    pub keypoints: u64,
+    /// The number of trajectories of objects.
+    pub objects: u64,
+    /// The share of keypoints' trajectories that are matched closely.
+    pub precision: Vec<f64>,
+    /// The share of objects' trajectories that are matched closely.
+    pub recall: Vec<f64>,
+}
+
+/// [`HeldOut`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct HeldOutReport {
+    /// The number of folds of the sequences.
+    pub folds: usize,
+    /// The seed that deals the sequences to the folds.
+    pub seed: u64,
+    /// The share of objects whose held-out error is at most their threshold.
+    pub tc: f64,
+    /// The objects.
+    pub objects: Vec<HeldOutObject>,
+}
+
+/// [`Intervals`] as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct IntervalsReport {
+    /// `percentile bootstrap over sequences`.
+    pub method: String,
+    /// The share of resamples between the ends of an interval.
+    pub level: f64,
+    /// The number of resamples.
+    pub resamples: usize,
+    /// The seed that draws them.
+    pub seed: u64,
+    /// The interval of the tracking capability.
+    pub tc: [f64; 2],
+    /// The intervals of the objects' errors.
+    pub objects: Vec<IntervalReport>,
+}
+
+/// One object of an [`IntervalsReport`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct IntervalReport {
+    /// Its name.
+    pub name: String,
+    /// The interval of the tracking error of its best keypoint; null where a resample does not show the object.
+    pub error: Option<[f64; 2]>,
+}
+
+impl HeldOutReport {
+    /// The report of `held_out`, whose folds `seed` dealt.
+    pub fn new(held_out: &HeldOut, seed: u64) -> Self {
+        Self {
+            folds: held_out.folds,
+            seed,
+            tc: held_out.tracking_capability,
+            objects: held_out.objects.clone(),
+        }
+    }
+}
+
+impl IntervalsReport {
+    /// The report of `intervals`, drawn with `seed`, over the objects `names`.
+    pub fn new(intervals: &Intervals, seed: u64, names: &[String]) -> Self {
+        let objects = names.iter().zip(&intervals.errors);
+        Self {
+            method: "percentile bootstrap over sequences".to_owned(),
+            level: intervals.level,
+            resamples: intervals.resamples,
+            seed,
+            tc: intervals.tracking_capability,
+            objects: objects
+                .map(|(name, error)| IntervalReport {
+                    name: name.clone(),
+                    error: *error,
+                })
+                .collect(),
+        }
+    }
+}
+
+/// One object of an [`EvaluationReport`]; null where the object is visible in no frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ObjectReport {
+    /// Its name.
+    pub name: String,
+    /// The threshold `mu_k` on the error.
+    pub threshold: f64,
+    /// Whether the error is at most the threshold.
+    pub tracked: bool,
+    /// `n*_k`, counted from 0.
+    pub best_keypoint: Option<usize>,
+    /// The keypoint with the second smallest error, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_best: Option<KeypointError>,
+    /// The mean over time of the squared distance.
+    pub error: Option<f64>,
+    /// The sum over time of the squared distance.
+    pub error_sum: Option<f64>,
+    /// The root of `error`.
+    pub rmse: Option<f64>,
+    /// The root of the mean squared distance in pixels; present when the image size is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse_px: Option<f64>,
+    /// Frames in which the object is visible.
+    pub frames: u64,
+    /// How many of them it lies outside the image in; they are included.
+    pub outside: u64,
+    /// `truth = a z + b` on column vectors (x, y).
+    pub map: Option<AffineMap>,
+}
+
+/// A keypoint and its error.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct KeypointError {
+    /// Counted from 0.
+    pub keypoint: usize,
+    /// The mean over time of the squared distance.
+    pub error: f64,
+}
+
+/// How frames were matched to rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JoinReport {
+    /// Frames with a row.
+    pub matched: usize,
+    /// How sequences and frames were matched, in words.
+    pub rules: Vec<String>,
+    /// Frames without a row.
+    pub unmatched_frames: Unmatched,
+    /// Rows without a frame.
+    pub unmatched_rows: Unmatched,
+}
+
+/// Frames or rows without a partner.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unmatched {
+    /// How many.
+    pub count: usize,
+    /// The first ones by name.
+    pub first: Vec<String>,
+}
+
+impl EvaluationReport {
+    /// The report of `evaluation`; with the `[width, height]` of the images also in pixels, with
+    /// the join also what found no partner.
+    pub fn new(
+        evaluation: &Evaluation,
+        image_size: Option<[u32; 2]>,
+        join: Option<&JoinReport>,
+    ) -> Self {
+        let objects: Vec<ObjectReport> = evaluation
+            .objects
+            .iter()
+            .zip(evaluation.errors.outer_iter())
+            .map(|(object, errors)| {
+                let fit = object.best.map(|best| best.fit);
+                ObjectReport {
+                    name: object.name.clone(),
+                    threshold: object.threshold,
+                    tracked: object.tracked,
+                    best_keypoint: object.best.map(|best| best.keypoint),
+                    second_best: object.best.and_then(|best| {
+                        let others = errors
+                            .iter()
+                            .enumerate()
+                            .filter(|(n, _)| *n != best.keypoint);
+                        let second = others.min_by(|a, b| a.1.total_cmp(b.1));
+                        second.map(|(keypoint, error)| KeypointError {
+                            keypoint,
+                            error: *error,
+                        })
+                    }),
+                    error: fit.map(|f| f.error()),
+                    error_sum: fit.map(|f| f.error_sum()),
+                    rmse: fit.map(|f| f.rmse()),
+                    rmse_px: fit.zip(image_size).map(|(f, size)| f.rmse_px(size)),
+                    frames: object.frames,
+                    outside: object.outside,
+                    map: fit.map(|f| f.map),
+                }
+            })
+            .collect();
+        let finite = |e: &f64| Some(*e).filter(|e| e.is_finite());
+        Self {
+            schema: format!("{SCHEMA}{NEWEST}"),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: None,
+            tc: evaluation.tracking_capability,
+            frames: evaluation.frames,
+            excluded: evaluation.excluded,
+            transform: evaluation.settings.transform.name().to_owned(),
+            rank: evaluation.settings.rank.name().to_owned(),
+            protocol: "fit-and-score-same-frames".to_owned(),
+            errors: evaluation
+                .errors
+                .outer_iter()
+                .map(|row| row.iter().map(finite).collect())
+                .collect(),
+            warnings: join
+                .into_iter()
+                .flat_map(JoinReport::warnings)
+                .chain(warnings(evaluation))
+                .collect(),
+            objects,
+            image_size,
+            join: join.cloned(),
+            held_out: None,
+            intervals: None,
+            sequences: None,
+            context: None,
+        }
+    }
+
+    /// Reads the JSON of an evaluation, of this schema or an older one. `name` is that of the file.
+    ///
+    /// # Errors
+    /// When it is not such JSON, has a newer schema, or its parts do not fit each other; the message
+    /// says what to do.
+    pub fn parse(bytes: &[u8], name: &str) -> Result<Self> {
+        let wrong = |text: String| Error::input(text).at(name);
+        #[derive(Deserialize)]
+        struct Head {
+            schema: Option<String>,
+        }
+        let head: Head = serde_json::from_slice(bytes).map_err(|e| {
+            wrong(format!(
+                "not the JSON of an evaluation ({e}); expected what `tracklens score --json` prints"
+            ))
+        })?;
+        let schema = head.schema.as_deref().unwrap_or_default();
+        let number = schema
+            .strip_prefix(SCHEMA)
+            .and_then(|n| n.parse::<u32>().ok());
+        match number {
+            Some(1..=NEWEST) => {}
+            Some(newer) if newer > NEWEST => {
+                return Err(wrong(format!(
+                    "the evaluation has the schema `{schema}`; this version ({}) reads up to `{SCHEMA}{NEWEST}`. Use the \
+                     version of tracklens that wrote it, or a newer one",
+                    env!("CARGO_PKG_VERSION")
+                )));
+            }
+            _ => {
+                return Err(wrong(format!(
+                    "the schema is `{schema}`; expected `{SCHEMA}{NEWEST}`, as `tracklens score --json` writes it"
+                )));
+            }
+        }
+        let report: Self = serde_json::from_slice(bytes).map_err(|e| {
+            wrong(format!(
+                "the evaluation is not complete: {e}; save it again"
+            ))
+        })?;
+        let keypoints = report.errors.first().map_or(0, Vec::len);
+        let fits = report.errors.len() == report.objects.len()
+            && report.errors.iter().all(|row| row.len() == keypoints)
+            && report
+                .objects
+                .iter()
+                .all(|object| object.best_keypoint.is_none_or(|n| n < keypoints));
+        if report.objects.is_empty() || keypoints == 0 || !fits {
+            return Err(wrong(format!(
+                "{} objects and a matrix of {} x {keypoints} errors do not make an evaluation; expected one row an object, \
+                 of equal lengths",
+                report.objects.len(),
+                report.errors.len()
+            )));
+        }
+        Ok(report)
+    }
+}
+
+fn warnings(evaluation: &Evaluation) -> Vec<String> {
+    let mut out = Vec::new();
+    for object in &evaluation.objects {
+        if object.best.is_none() {
+            out.push(format!(
+                "object `{}` is visible in no frame and counts as not tracked",
+                object.name
+            ));
+        } else if object.frames < 30 {
+            out.push(format!(
+                "object `{}` is visible in only {} frames, too few to judge a fitted map",
+                object.name, object.frames
+            ));
+        }
+        if object.outside > 0 {
+            out.push(format!(
+                "object `{}` is outside the image in {} of {} frames (included)",
+                object.name, object.outside, object.frames
+            ));
+        }
+    }
+    if evaluation.directions_dropped > 0 && evaluation.settings.transform != Transform::Identity {
+        out.push(format!(
+            "in {} of {} keypoint-object pairs the keypoint does not move in every direction; the rank rule \
+             `{}` left that direction out of the fit",
+            evaluation.directions_dropped,
+            evaluation.errors.len(),
+            evaluation.settings.rank.name()
+        ));
+    }
+    if evaluation.excluded > 0 {
+        out.push(format!(
+            "{} frames were left out because a keypoint was not a finite number",
+            evaluation.excluded
+        ));
+    }
+    out
+}
+
+impl SequencesReport {
+    /// The report of `errors`; `keys` are the joined frames.
+    pub fn new(object: &str, keypoint: usize, errors: &[SequenceError], keys: &[FrameKey]) -> Self {
+        let sequence = |error: &SequenceError| SequenceReport {
+            sequence: error.range.name.clone(),
+            frames: error.frames,
+            error: error.error,
+            worst_frame: keys[error.worst].frame,
+            worst_error: error.worst_error,
+        };
+        Self {
+            object: object.to_owned(),
+            keypoint,
+            errors: errors.iter().map(sequence).collect(),
+        }
+    }
+}
+
+impl ContextReport {
+    /// The report of `context`, whose objects are `names`.
+    pub fn new(context: &Context, names: &[String]) -> Self {
+        let regression = |held_out: bool, found: &[Regression]| {
+            let objects = names.iter().zip(found);
+            objects
+                .map(|(name, found)| RegressionReport {
+                    object: name.clone(),
+                    held_out,
+                    frames: found.frames,
+                    error: found.error,
+                    pck: found.close.map(|shares| shares.to_vec()),
+                })
+                .collect::<Vec<_>>()
+        };
+        let assignment = |trajectory: &str, found: &Assignment| AssignmentReport {
+            trajectory: trajectory.to_owned(),
+            keypoints: found.keypoints,
+            objects: found.objects,
+            precision: found.precision.to_vec(),
+            recall: found.recall.to_vec(),
+        };
+        let mut objects = regression(false, &context.regression);
+        if let Some(held_out) = &context.held_out_regression {
+            objects.extend(regression(true, held_out));
+        }
+        Self {
+            close: CLOSE.to_vec(),
+            regression: objects,
+            assignment: vec![
+                assignment("frame", &context.frames),
+                assignment("sequence", &context.sequences),
+            ],
+        }
+    }
+}
+
+impl JoinReport {
+    fn warnings(&self) -> Vec<String> {
+        let counted = |what: &str, unmatched: &Unmatched| {
+            let more = if unmatched.count > unmatched.first.len() {
+                "; …"
+            } else {
+                ""
+            };
+            (unmatched.count > 0).then(|| {
+                format!(
+                    "{} {what}: {}{more}",
+                    unmatched.count,
+                    unmatched.first.join("; ")
+                )
+            })
+        };
+        let frames = counted(
+            "frame(s) without a row of ground truth do not count",
+            &self.unmatched_frames,
+        );
+        let rows = counted(
+            "frame(s) of the ground truth without keypoints do not count",
+            &self.unmatched_rows,
+        );
+        frames.into_iter().chain(rows).collect()
+    }
+
+    /// The report of a join of `frames` to `rows`.
+    pub fn new(join: &Join, frames: &[FrameKey], rows: &[FrameKey]) -> Self {
+        let unmatched = |keys: &[FrameKey], at: &[usize]| Unmatched {
+            count: at.len(),
+            first: at
+                .iter()
+                .take(SHOWN)
+                .map(|i| keys[*i].to_string())
+                .collect(),
+        };
+        Self {
+            matched: join.pairs.len(),
+            rules: join.rules.clone(),
+            unmatched_frames: unmatched(frames, &join.unmatched_left),
+            unmatched_rows: unmatched(rows, &join.unmatched_right),
+        }
+    }
+}

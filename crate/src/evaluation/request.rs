@@ -1,0 +1,81 @@
+//! A whole evaluation: what the terminal and the page both call.
+
+use super::document::{
+    ContextReport, EvaluationReport, HeldOutReport, IntervalsReport, JoinReport, SequencesReport,
+};
+use super::scoring::Scoring;
+use super::thresholds::Thresholds;
+use crate::error::Result;
+use crate::metric::{Settings, Transform};
+
+/// How to score, and what to report with the errors.
+#[derive(Debug, Clone, Default)]
+pub struct Request {
+    /// The map and the rank rule.
+    pub settings: Settings,
+    /// The thresholds on the errors.
+    pub thresholds: Thresholds,
+    /// Width and height of the images, for errors in pixels.
+    pub image_size: Option<[u32; 2]>,
+    /// Also fit and score on different sequences, in this many folds.
+    pub folds: Option<usize>,
+    /// Also give 95 % intervals, from this many resamples.
+    pub bootstrap: Option<usize>,
+    /// Seeds the folds and the bootstrap.
+    pub seed: u64,
+    /// Also give the errors by sequence.
+    pub sequences: bool,
+    /// Also give other metrics of the same data.
+    pub context: bool,
+}
+
+impl Request {
+    /// Scores; `join` says how the frames of `scoring` were matched to rows.
+    ///
+    /// # Errors
+    /// As the calls of [`Scoring`] that it makes.
+    pub fn evaluate(&self, scoring: &Scoring, join: &JoinReport) -> Result<EvaluationReport> {
+        let (thresholds, settings, seed) = (&self.thresholds, &self.settings, self.seed);
+        let evaluation = scoring.evaluate(thresholds, settings)?;
+        let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
+        if settings.transform != Transform::Identity && self.folds.is_none() {
+            let sequences = scoring.sequence_count();
+            let warnings = scoring.hardly_moving()?.into_iter().map(|k| {
+                format!(
+                    "object `{}` hardly moves within the {sequences} sequences: a fitted map comes close to so few positions \
+                     whatever the keypoint does. Score more sequences, or on held-out folds (--folds)",
+                    scoring.objects()[k]
+                )
+            });
+            report.warnings.extend(warnings);
+        }
+        if let Some(folds) = self.folds {
+            let held_out = scoring.held_out(folds, seed, thresholds, settings)?;
+            report.held_out = Some(HeldOutReport::new(&held_out, seed));
+        }
+        if let Some(resamples) = self.bootstrap {
+            let intervals = scoring.bootstrap(resamples, seed, thresholds, settings)?;
+            report.intervals = Some(IntervalsReport::new(&intervals, seed, scoring.objects()));
+        }
+        if self.sequences {
+            let objects = evaluation.objects.iter().enumerate();
+            let best =
+                objects.filter_map(|(k, object)| Some((k, &object.name, object.best?.keypoint)));
+            let sequences = best.map(|(k, name, keypoint)| {
+                let errors = scoring.sequence_errors(k, keypoint, settings)?;
+                Ok(SequencesReport::new(
+                    name,
+                    keypoint,
+                    &errors,
+                    scoring.keys(),
+                ))
+            });
+            report.sequences = Some(sequences.collect::<Result<_>>()?);
+        }
+        if self.context {
+            let context = scoring.context(self.folds.map(|folds| (folds, seed)))?;
+            report.context = Some(ContextReport::new(&context, scoring.objects()));
+        }
+        Ok(report)
+    }
+}

@@ -1,0 +1,358 @@
+//! Ground truth and keypoints, joined and scored.
+
+use std::sync::{Arc, OnceLock};
+
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
+
+use super::thresholds::Thresholds;
+use crate::data::{Join, SequenceRange, join, ranges};
+use crate::error::{Error, Result};
+use crate::metric::context::{Assignment, Regression, assignment, regression};
+use crate::metric::{
+    Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
+    Settings, deal, held_out,
+};
+use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+
+/// A ground truth and keypoints with their join. The moments are taken once; scoring with other
+/// settings then does not look at the frames again.
+#[derive(Debug, Clone)]
+pub struct Scoring {
+    names: Vec<String>,
+    keys: Vec<FrameKey>,
+    keypoints: Array3<f64>,
+    truth_ndc: Array3<f64>,
+    join: Join,
+    policy: NonFinite,
+    moments: Moments,
+    by_sequence: OnceLock<Arc<[Moments]>>,
+}
+
+/// One object and one keypoint over the joined frames, T x 2 each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// The object, ndc; NaN where it is not visible.
+    pub truth_ndc: Array2<f64>,
+    /// The keypoint as it is.
+    pub keypoint: Array2<f64>,
+    /// The keypoint under the fitted map, ndc.
+    pub transformed_ndc: Array2<f64>,
+}
+
+/// How far a keypoint under its map is from an object in one sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SequenceError {
+    /// The joined frames of the sequence, and its name.
+    pub range: SequenceRange,
+    /// Frames in which the object is visible.
+    pub frames: u64,
+    /// The mean squared distance over these frames, ndc.
+    pub error: f64,
+    /// The joined frame with the largest squared distance, the first on ties.
+    pub worst: usize,
+    /// That squared distance.
+    pub worst_error: f64,
+}
+
+/// Other metrics of the same data; see [`context`](crate::metric::context).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Context {
+    /// Each object from all keypoints, fitted and predicted on the same frames.
+    pub regression: Vec<Regression>,
+    /// The same on the folds that were not fitted, where there are folds.
+    pub held_out_regression: Option<Vec<Regression>>,
+    /// Keypoints matched to objects anew in every frame.
+    pub frames: Assignment,
+    /// Keypoints matched to objects once a sequence.
+    pub sequences: Assignment,
+}
+
+impl Scoring {
+    /// Joins `keypoints` to `truth` and takes the moments of the joined frames.
+    ///
+    /// # Errors
+    /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the
+    /// message names the frame.
+    pub fn new(truth: &GroundTruth, keypoints: &KeypointTrack, policy: NonFinite) -> Result<Self> {
+        let join = join(keypoints.keys(), truth.keys())?;
+        let (left, right): (Vec<usize>, Vec<usize>) = join.pairs.iter().copied().unzip();
+        let mut accumulator = Accumulator::new(keypoints.keypoints(), truth.names().len(), policy);
+        for (z, x) in &join.pairs {
+            accumulator
+                .push(keypoints.frame(*z), truth.frame(*x))
+                .map_err(|e| e.at(&keypoints.keys()[*z]))?;
+        }
+        Ok(Self {
+            names: truth.names().to_vec(),
+            keys: left.iter().map(|i| keypoints.keys()[*i].clone()).collect(),
+            keypoints: keypoints.points().select(Axis(0), &left),
+            truth_ndc: truth.points_ndc().select(Axis(0), &right),
+            join,
+            policy,
+            moments: accumulator.finish(),
+            by_sequence: OnceLock::new(),
+        })
+    }
+
+    /// The names of the objects.
+    pub fn objects(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The joined frames, in the order of the keypoints.
+    pub fn keys(&self) -> &[FrameKey] {
+        &self.keys
+    }
+
+    /// How frames found their rows.
+    pub fn join(&self) -> &Join {
+        &self.join
+    }
+
+    /// The number of sequences that the joined frames are of.
+    pub fn sequence_count(&self) -> usize {
+        self.keys.chunk_by(|a, b| a.sequence == b.sequence).count()
+    }
+
+    /// Objects that hardly move within the sequences, where there are fewer than ten (and more than
+    /// one): their positions are hardly more than the sequences, and an affine map goes through
+    /// three of them whatever the keypoint does. Hardly: less than a twentieth of an object's
+    /// variance lies within the sequences.
+    ///
+    /// # Errors
+    /// As [`Scoring::new`].
+    pub fn hardly_moving(&self) -> Result<Vec<usize>> {
+        const FEW: usize = 10;
+        const SHARE: f64 = 0.05;
+        if !(2..FEW).contains(&self.sequence_count()) {
+            return Ok(Vec::new());
+        }
+        let mut within = vec![0.0; self.names.len()];
+        for moments in self.sequences()?.iter() {
+            for (sum, squares) in within.iter_mut().zip(moments.object_squares()) {
+                *sum += squares;
+            }
+        }
+        let all = self.moments.object_squares();
+        let objects = within.iter().zip(&all).enumerate();
+        let hardly = objects.filter(|(_, (within, all))| **within < SHARE * **all);
+        Ok(hardly.map(|(k, _)| k).collect())
+    }
+
+    /// Scores with `thresholds`.
+    ///
+    /// # Errors
+    /// When a threshold is given for an object that the ground truth does not have; as
+    /// [`Moments::evaluate`].
+    pub fn evaluate(&self, thresholds: &Thresholds, settings: &Settings) -> Result<Evaluation> {
+        self.moments.evaluate(&self.with(thresholds)?, settings)
+    }
+
+    /// Scores every fold of the sequences with maps and best keypoints of the others; see
+    /// [`held_out`].
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`] and [`held_out`].
+    pub fn held_out(
+        &self,
+        folds: usize,
+        seed: u64,
+        thresholds: &Thresholds,
+        settings: &Settings,
+    ) -> Result<HeldOut> {
+        let objects = self.with(thresholds)?;
+        held_out(&self.sequences()?, folds, seed, &objects, settings)
+    }
+
+    /// 95 % intervals over the sequences; see [`Bootstrap`].
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`] and [`Bootstrap`].
+    pub fn bootstrap(
+        &self,
+        resamples: usize,
+        seed: u64,
+        thresholds: &Thresholds,
+        settings: &Settings,
+    ) -> Result<Intervals> {
+        let (mut bootstrap, sequences) = self.start_bootstrap(seed, thresholds, settings)?;
+        bootstrap.draw(&sequences, resamples)?;
+        bootstrap.finish()
+    }
+
+    /// The start of [`Scoring::bootstrap`], and what to draw from.
+    ///
+    /// # Errors
+    /// As [`Scoring::evaluate`].
+    pub fn start_bootstrap(
+        &self,
+        seed: u64,
+        thresholds: &Thresholds,
+        settings: &Settings,
+    ) -> Result<(Bootstrap, Arc<[Moments]>)> {
+        let bootstrap = Bootstrap::new(0.95, seed, self.with(thresholds)?, *settings)?;
+        Ok((bootstrap, self.sequences()?))
+    }
+
+    /// Other metrics of the same frames; with the number of folds and the seed that deals the
+    /// sequences to them also on frames that were not fitted.
+    ///
+    /// # Errors
+    /// When there are fewer than two folds, or fewer sequences than folds.
+    pub fn context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
+        let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
+        let sequences = ranges(&self.keys);
+        let held_out_regression = folds
+            .map(|(folds, seed)| {
+                let fold_of = deal(sequences.len(), folds, seed)?;
+                let ranges = sequences.iter().zip(&fold_of);
+                let fold_of: Vec<usize> = ranges
+                    .flat_map(|(range, fold)| std::iter::repeat_n(*fold, range.length))
+                    .collect();
+                regression(keypoints, truth, Some(&fold_of))
+            })
+            .transpose()?;
+        Ok(Context {
+            regression: regression(keypoints, truth, None)?,
+            held_out_regression,
+            frames: assignment(keypoints, truth, (0..self.keys.len()).map(|t| t..t + 1))?,
+            sequences: assignment(
+                keypoints,
+                truth,
+                sequences
+                    .iter()
+                    .map(|range| range.start..range.start + range.length),
+            )?,
+        })
+    }
+
+    /// The moments of each sequence.
+    fn sequences(&self) -> Result<Arc<[Moments]>> {
+        if let Some(found) = self.by_sequence.get() {
+            return Ok(found.clone());
+        }
+        let moments = |range: SequenceRange| {
+            let (keypoints, objects) = (self.keypoints.dim().1, self.names.len());
+            let mut accumulator = Accumulator::new(keypoints, objects, self.policy);
+            for t in range.start..range.start + range.length {
+                let (z, x) = (
+                    self.keypoints.index_axis(Axis(0), t),
+                    self.truth_ndc.index_axis(Axis(0), t),
+                );
+                accumulator.push(z, x).map_err(|e| e.at(&self.keys[t]))?;
+            }
+            Ok(accumulator.finish())
+        };
+        let all: Vec<Moments> = ranges(&self.keys)
+            .into_iter()
+            .map(moments)
+            .collect::<Result<_>>()?;
+        Ok(self.by_sequence.get_or_init(|| all.into()).clone())
+    }
+
+    fn with(&self, thresholds: &Thresholds) -> Result<Vec<Object>> {
+        thresholds.objects(&self.names, "the ground truth has")
+    }
+
+    /// The N keypoints (x, y) of joined frame `t` as they are, N x 2; `None` past the last frame.
+    pub fn keypoints(&self, t: usize) -> Option<ArrayView2<'_, f64>> {
+        (t < self.keys.len()).then(|| self.keypoints.index_axis(Axis(0), t))
+    }
+
+    /// The points of object `k` and keypoint `n` with the map that `settings` fit.
+    ///
+    /// # Errors
+    /// When there is no such object or keypoint, or the object is visible in no frame.
+    pub fn series(&self, k: usize, n: usize, settings: &Settings) -> Result<Series> {
+        let (objects, keypoints) = (self.names.len(), self.keypoints.dim().1);
+        if k >= objects || n >= keypoints {
+            return Err(Error::input(format!(
+                "there is no object {k} with keypoint {n}; expected objects below {objects}, keypoints below {keypoints}"
+            )));
+        }
+        let fit: Fit = self.moments.fit(n, k, settings).ok_or_else(|| {
+            Error::numeric(format!(
+                "object `{}` is visible in no frame: there is no map to it",
+                self.names[k]
+            ))
+        })?;
+        let keypoint = self.keypoints.index_axis(Axis(1), n).to_owned();
+        let mut transformed_ndc = keypoint.clone();
+        for mut point in transformed_ndc.rows_mut() {
+            let mapped = fit.map.apply([point[0], point[1]]);
+            (point[0], point[1]) = (mapped[0], mapped[1]);
+        }
+        Ok(Series {
+            truth_ndc: self.truth_ndc.index_axis(Axis(1), k).to_owned(),
+            keypoint,
+            transformed_ndc,
+        })
+    }
+
+    /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit,
+    /// in every joined frame (ndc); NaN where the object is not visible or the frame was left out.
+    ///
+    /// # Errors
+    /// As [`Scoring::series`].
+    pub fn distances(&self, k: usize, n: usize, settings: &Settings) -> Result<Vec<f64>> {
+        let series = self.series(k, n, settings)?;
+        let points = series
+            .truth_ndc
+            .outer_iter()
+            .zip(series.transformed_ndc.outer_iter());
+        let distance = |(t, (x, z)): (usize, (ArrayView1<f64>, ArrayView1<f64>))| {
+            let counts = self
+                .keypoints
+                .index_axis(Axis(0), t)
+                .iter()
+                .all(|v| v.is_finite());
+            if counts {
+                (x[0] - z[0]).powi(2) + (x[1] - z[1]).powi(2)
+            } else {
+                f64::NAN
+            }
+        };
+        Ok(points.enumerate().map(distance).collect())
+    }
+
+    /// The error of object `k` with keypoint `n` by the sequence, the worst one first; sequences
+    /// that do not show the object are left out. The map is the one of all frames.
+    ///
+    /// # Errors
+    /// As [`Scoring::series`].
+    pub fn sequence_errors(
+        &self,
+        k: usize,
+        n: usize,
+        settings: &Settings,
+    ) -> Result<Vec<SequenceError>> {
+        let distances = self.distances(k, n, settings)?;
+        let mut errors: Vec<SequenceError> = ranges(&self.keys)
+            .into_iter()
+            .filter_map(|range| {
+                let (mut frames, mut sum, mut worst) =
+                    (0_u64, 0.0, (range.start, f64::NEG_INFINITY));
+                let own = distances.iter().enumerate();
+                for (t, distance) in own.skip(range.start).take(range.length) {
+                    if distance.is_nan() {
+                        continue;
+                    }
+                    frames += 1;
+                    sum += distance;
+                    if *distance > worst.1 {
+                        worst = (t, *distance);
+                    }
+                }
+                (frames > 0).then(|| SequenceError {
+                    range,
+                    frames,
+                    error: sum / frames as f64,
+                    worst: worst.0,
+                    worst_error: worst.1,
+                })
+            })
+            .collect();
+        errors.sort_by(|a, b| b.error.total_cmp(&a.error));
+        Ok(errors)
+    }
+}

@@ -1,0 +1,135 @@
+//! An evaluation as one HTML file: figures and style are in it, it runs no script and loads
+//! nothing.
+
+use maud::{Markup, html};
+
+use super::evaluation_figures;
+use super::tables::{assignment, maps, objects, regression, worst_sequences};
+use crate::error::Result;
+use crate::evaluation::EvaluationReport;
+use crate::report::draw::{document, figure};
+
+/// The page of an evaluation.
+///
+/// # Errors
+/// When a figure cannot be drawn.
+pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
+    let figures = evaluation_figures(report)?;
+    let title = format!("Tracking capability {:.3}", report.tc);
+    let body = html! {
+        p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
+            (report.version) }
+        p.lead { (lead(report)) }
+        @if !report.warnings.is_empty() {
+            ul { @for warning in &report.warnings { li { (prose(warning)) } } }
+        }
+        (objects(report).to_html())
+        p { (protocol(report)) }
+        @for one in &figures { (figure(one, true)) }
+        @if report.transform != "identity" { h2 { "Fitted maps" } (maps(report).to_html()) }
+        @if let Some(sequences) = &report.sequences {
+            h2 { "Worst sequences" }
+            @for of in sequences { (worst_sequences(of).to_html()) }
+        }
+        @if let Some(context) = &report.context {
+            h2 { "Other metrics" }
+            (regression(context).to_html())
+            (assignment(context).to_html())
+        }
+        (provenance(report))
+    };
+    Ok(document(&title, &body))
+}
+
+/// Text with names between backticks.
+fn prose(text: &str) -> Markup {
+    html! {
+        @for (i, part) in text.split('`').enumerate() {
+            @if i % 2 == 1 { code { (part) } } @else { (part) }
+        }
+    }
+}
+
+fn keypoints(report: &EvaluationReport) -> usize {
+    report.errors.first().map_or(0, Vec::len)
+}
+
+fn lead(report: &EvaluationReport) -> String {
+    let names = |tracked: bool| {
+        let objects = report
+            .objects
+            .iter()
+            .filter(|object| object.tracked == tracked);
+        objects
+            .map(|object| object.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let (yes, no) = (names(true), names(false));
+    match (yes.is_empty(), no.is_empty()) {
+        (false, true) => format!("Every object is tracked: {yes}."),
+        (true, _) => format!("No object is tracked: {no}."),
+        (false, false) => format!("Tracked: {yes}. Not tracked: {no}."),
+    }
+}
+
+fn protocol(report: &EvaluationReport) -> String {
+    let map = if report.transform == "identity" {
+        "keypoints are scored as they are, without a fitted map".to_owned()
+    } else {
+        format!(
+            "a time-invariant {} map from keypoint to object is fitted and scored on the same frames, as in the authors’ code \
+             (rank rule: {})",
+            report.transform, report.rank
+        )
+    };
+    let mut text = format!(
+        "The tracking error is the mean squared distance in ndc (−1 to +1 across the image); {map}. An object is tracked when \
+         the error of its best keypoint is at most its threshold; the tracking capability (TC) is the share of tracked objects."
+    );
+    if let Some(held_out) = &report.held_out {
+        text += &format!(
+            " Held out: maps and best keypoints are of the other sequences, in {} folds; TC {:.3}.",
+            held_out.folds, held_out.tc
+        );
+    }
+    if let Some(intervals) = &report.intervals {
+        text += &format!(
+            " Small figures: {:.0} % intervals of the errors that are fitted and scored on the same frames, {}, {} \
+             resamples; of the TC on these frames, {:.3}: {:.3}–{:.3}.",
+            100.0 * intervals.level,
+            intervals.method,
+            intervals.resamples,
+            report.tc,
+            intervals.tc[0],
+            intervals.tc[1]
+        );
+    }
+    if report.excluded > 0 {
+        text += &format!(
+            " {} frames were left out because a keypoint was not a finite number.",
+            report.excluded
+        );
+    }
+    text
+}
+
+fn provenance(report: &EvaluationReport) -> Markup {
+    html! {
+        @if report.join.is_some() || report.command.is_some() { h2 { "Where it comes from" } }
+        @if let Some(join) = &report.join {
+            p {
+                (join.matched) " frames have both keypoints and ground truth; " (join.unmatched_frames.count)
+                " frames of keypoints and " (join.unmatched_rows.count) " of the ground truth have no partner. "
+                (join.rules.join(". "))
+            }
+        }
+        @if let Some([width, height]) = report.image_size {
+            p { "Images of " (width) " × " (height) " pixels." }
+        }
+        @if let Some(command) = &report.command {
+            p { "The same again:" }
+            pre { (command) }
+        }
+    }
+}

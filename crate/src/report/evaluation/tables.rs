@@ -1,0 +1,235 @@
+//! The tables of one evaluation.
+
+use crate::evaluation::{ContextReport, EvaluationReport, ObjectReport, SequencesReport};
+use crate::metric::AffineMap;
+use crate::report::{Cell, Column, Emphasis, Precision, Table};
+
+/// Sequences that the page lists for an object.
+pub(super) const WORST: usize = 10;
+
+fn short(value: impl Into<Option<f64>>) -> Cell {
+    Cell::number(value, None, Precision::Short)
+}
+
+/// One line an object as CSV: what a spreadsheet of many evaluations is made of.
+pub fn evaluation_csv(report: &EvaluationReport) -> String {
+    let labels = [
+        "object",
+        "tracked",
+        "error",
+        "threshold",
+        "best_keypoint",
+        "error_sum",
+        "rmse",
+        "rmse_px",
+        "frames",
+        "outside",
+        "transform",
+        "rank",
+        "protocol",
+    ];
+    let mut table = Table::new("objects", "Objects", labels.map(Column::text));
+    let full = |value: Option<f64>| Cell::number(value, None, Precision::Full);
+    for object in &report.objects {
+        let best = object.best_keypoint;
+        table.push([
+            Cell::text(&object.name),
+            Cell::text(object.tracked.to_string()),
+            full(object.error),
+            full(Some(object.threshold)),
+            best.map_or_else(|| Cell::text(""), |n| Cell::count(n as u64)),
+            full(object.error_sum),
+            full(object.rmse),
+            full(object.rmse_px),
+            Cell::count(object.frames),
+            Cell::count(object.outside),
+            Cell::text(&report.transform),
+            Cell::text(&report.rank),
+            Cell::text(&report.protocol),
+        ]);
+    }
+    table.to_csv()
+}
+
+/// The errors of the objects, with their intervals and held-out errors where there are any.
+pub(super) fn objects(report: &EvaluationReport) -> Table {
+    let pixels = report.objects.iter().any(|object| object.rmse_px.is_some());
+    let mut columns = vec![
+        Column::text("object"),
+        Column::text("tracked"),
+        Column::number("error"),
+        Column::number("threshold"),
+    ];
+    if report.held_out.is_some() {
+        columns.push(Column::number("held-out error"));
+    }
+    columns.extend(["best keypoint", "second best", "RMSE"].map(Column::number));
+    if pixels {
+        columns.push(Column::number("RMSE, px"));
+    }
+    columns.extend(["frames", "outside"].map(Column::number));
+    let mut table = Table::new("objects", "Objects", columns);
+    for object in &report.objects {
+        table.push(object_cells(report, object, pixels));
+    }
+    table
+}
+
+fn object_cells(report: &EvaluationReport, object: &ObjectReport, pixels: bool) -> Vec<Cell> {
+    let intervals = report.intervals.iter().flat_map(|i| &i.objects);
+    let interval = intervals
+        .filter(|interval| interval.name == object.name)
+        .find_map(|interval| interval.error);
+    let tracked = if object.tracked { "yes" } else { "no" };
+    let mut cells = vec![
+        Cell::text(&object.name),
+        Cell::text(tracked).emphasis(Emphasis::verdict(object.tracked)),
+        Cell::number(object.error, interval, Precision::Short),
+        Cell::number(object.threshold, None, Precision::Full),
+    ];
+    if let Some(held_out) = &report.held_out {
+        let own = held_out.objects.iter().find(|own| own.name == object.name);
+        let emphasis = own.and_then(|own| Emphasis::verdict(own.tracked));
+        cells.push(short(own.and_then(|own| own.error)).emphasis(emphasis));
+    }
+    cells.push(Cell::count(object.best_keypoint.map(|n| n as u64)));
+    cells.push(match object.second_best {
+        Some(second) => {
+            Cell::count(second.keypoint as u64).note(Some(Precision::Short.write(second.error)))
+        }
+        None => Cell::count(None),
+    });
+    cells.push(short(object.rmse));
+    if pixels {
+        cells.push(short(object.rmse_px));
+    }
+    cells.extend([object.frames, object.outside].map(Cell::count));
+    cells
+}
+
+/// The fitted maps.
+pub(super) fn maps(report: &EvaluationReport) -> Table {
+    let columns = [
+        Column::text("object"),
+        Column::number("keypoint"),
+        Column::number("x"),
+        Column::number("y"),
+    ];
+    let mut table = Table::new("maps", "Fitted maps", columns)
+        .note("Position of the object from the keypoint (u, v), in ndc.");
+    for object in &report.objects {
+        let Some((map, keypoint)) = object.map.zip(object.best_keypoint) else {
+            continue;
+        };
+        let [x, y] = terms(&map).map(Cell::text);
+        table.push([Cell::text(&object.name), Cell::count(keypoint as u64), x, y]);
+    }
+    table
+}
+
+/// A map row by row, as terms of the keypoint (u, v).
+fn terms(map: &AffineMap) -> [String; 2] {
+    let signed = |value: f64, what: &str| {
+        let sign = if value < 0.0 { "−" } else { "+" };
+        format!("{sign} {:.4}{what}", value.abs())
+    };
+    [0, 1].map(|axis| {
+        let [u, v] = map.a[axis];
+        let sign = if u < 0.0 { "−" } else { "" };
+        let shift = signed(map.b[axis], "");
+        format!("{sign}{:.4} u {} {shift}", u.abs(), signed(v, " v"))
+    })
+}
+
+/// The sequences in which the best keypoint of an object is furthest from it.
+pub(super) fn worst_sequences(of: &SequencesReport) -> Table {
+    let columns = [
+        Column::text(format!("{}, keypoint {}", of.object, of.keypoint)),
+        Column::number("error"),
+        Column::number("frames"),
+        Column::number("worst frame"),
+        Column::number("squared distance there"),
+    ];
+    let mut table = Table::new("sequences", format!("Sequences of {}", of.object), columns);
+    if of.errors.len() > WORST {
+        table = table.note(format!(
+            "The first {WORST} of {} sequences.",
+            of.errors.len()
+        ));
+    }
+    for sequence in of.errors.iter().take(WORST) {
+        table.push([
+            Cell::text(&sequence.sequence),
+            short(sequence.error),
+            Cell::count(sequence.frames),
+            Cell::count(sequence.worst_frame),
+            short(sequence.worst_error),
+        ]);
+    }
+    table
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// Columns of shares within the distances of `context`.
+fn within(context: &ContextReport) -> impl Iterator<Item = Column> {
+    let close = context.close.iter();
+    close.map(|share| Column::number(format!("within {}", percent(*share))))
+}
+
+/// As many cells as [`within`] has columns.
+fn shares<'a>(
+    context: &'a ContextReport,
+    shares: Option<&'a Vec<f64>>,
+) -> impl Iterator<Item = Cell> + 'a {
+    (0..context.close.len()).map(move |i| {
+        let share = shares.and_then(|shares| shares.get(i));
+        share.map_or_else(|| Cell::count(None), |share| Cell::text(percent(*share)))
+    })
+}
+
+/// Linear regression from all keypoints.
+pub(super) fn regression(context: &ContextReport) -> Table {
+    let columns = [
+        Column::text("object"),
+        Column::text("predicted frames"),
+        Column::number("error"),
+    ];
+    let columns = columns.into_iter().chain(within(context));
+    let mut table = Table::new("regression", "Linear regression", columns).note(
+        "Linear regression of every object from all keypoints together, and the percentage of correct positions (PCK) \
+         within a share of the side of the image, as in Jakab et al. (2018).",
+    );
+    for row in &context.regression {
+        let fitted = if row.held_out { "held out" } else { "fitted" };
+        let cells = [
+            Cell::text(&row.object),
+            Cell::text(format!("{fitted}, {}", row.frames)),
+            short(row.error),
+        ];
+        table.push(cells.into_iter().chain(shares(context, row.pck.as_ref())));
+    }
+    table
+}
+
+/// The min-cost assignment of keypoints to objects.
+pub(super) fn assignment(context: &ContextReport) -> Table {
+    let columns = [Column::group("matched"), Column::text("")];
+    let columns = columns.into_iter().chain(within(context));
+    let mut table = Table::new("assignment", "Assignment", columns).note(
+        "Keypoints as they are, matched one to one to the objects with the smallest total distance, as in Kulkarni et \
+         al. (2019): precision is the share of keypoints that are matched that closely, recall that of objects.",
+    );
+    for row in &context.assignment {
+        for (name, values) in [("precision", &row.precision), ("recall", &row.recall)] {
+            let cells = [
+                Cell::text(format!("once a {}", row.trajectory)),
+                Cell::text(name),
+            ];
+            table.push(cells.into_iter().chain(shares(context, Some(values))));
+        }
+    }
+    table
+}

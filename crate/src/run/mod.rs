@@ -1,0 +1,16 @@
+//! What a run of training is on disk: its configuration, its records and its files, to write them
+//! and to read them without training.
+
+mod config;
+mod folder;
+mod record;
+
+pub use crate::data::Split;
+pub use config::{
+    BackgroundStart, FirstLayer, StartWeights, TargetFilter, TrainConfig, ValidationFrames,
+};
+pub use folder::{
+    CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, ERROR, EVENTS_PREFIX, FoundRun, FoundRuns, LOCK,
+    LOG, PARTIAL, RunFiles, STATE, SUMMARY, find_runs, partial_folder,
+};
+pub use record::{EpochLog, Losses, RunConfig, TrainSummary, read_log};
