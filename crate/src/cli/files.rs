@@ -7,12 +7,13 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::hints::hint;
 use crate::checkpoint::Checkpoint;
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table,
-    TableOptions, parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
-    read_hdf5_ground_truth,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Notice, Recording, Space, Table,
+    TableOptions, ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
+    parse_npz_keypoints, read_hdf5_ground_truth,
 };
 use crate::error::{Error, ErrorKind, Result};
 use crate::memory;
@@ -20,37 +21,6 @@ use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
-
-/// The path of a page that is to be written.
-pub(super) fn parse_html_path(text: &str) -> Result<PathBuf> {
-    with_ending(text, &["html", "htm"])
-}
-
-/// The path of an ONNX model that is to be written.
-pub(super) fn parse_onnx_path(text: &str) -> Result<PathBuf> {
-    with_ending(text, &["onnx"])
-}
-
-/// A path whose ending says the format that is written.
-fn with_ending(text: &str, endings: &[&str]) -> Result<PathBuf> {
-    let path = PathBuf::from(text);
-    let ending = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
-    if endings.contains(&ending.as_str()) {
-        return Ok(path);
-    }
-    let what = match ending.as_str() {
-        "" => "has no ending".to_owned(),
-        ending => format!("ends in .{ending}"),
-    };
-    Err(Error::input(format!(
-        "`{text}` {what}, and the format that is written is another one; expected a name that ends in .{}",
-        endings.join(" or .")
-    )))
-}
 
 /// Whether both are the same file; a file that is not there yet is none.
 pub(super) fn is_same(a: &Path, b: &Path) -> bool {
@@ -76,7 +46,7 @@ pub(super) struct TruthArguments {
     index_base: Option<u64>,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
-    #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::score::parse_size)]
+    #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::values::parse_size)]
     pub image_size: Option<[u32; 2]>,
 }
 
@@ -221,7 +191,7 @@ impl FrameSource for Placed {
         self.recording.truth()
     }
 
-    fn notices(&self) -> &[String] {
+    fn notices(&self) -> &[Notice] {
         self.recording.notices()
     }
 
@@ -245,7 +215,7 @@ impl Format {
             .read_to_end(&mut head)
             .map_err(|e| Error::io(path.display(), &e))?;
         Ok(match head {
-            _ if head.starts_with(NPZ_MAGIC) => Self::Npz,
+            _ if head.starts_with(ZIP_MAGIC) => Self::Npz,
             _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
             _ => Self::Other,
         })
@@ -360,7 +330,7 @@ pub(super) fn read_keypoints(
         axes: reading.axes.or(arguments.axis_order),
         image_size: arguments.image_size,
     };
-    let table = match bytes.starts_with(NPZ_MAGIC) {
+    let table = match bytes.starts_with(ZIP_MAGIC) {
         true => parse_npz_keypoints(&bytes, &name, &options)?,
         false => parse_keypoints(&bytes, &name, &options)?,
     };
@@ -376,8 +346,10 @@ fn told<T>(table: Table<T>, path: &Path) -> T {
     table.content
 }
 
-fn tell(path: &Path, notices: &[String]) {
+fn tell(path: &Path, notices: &[Notice]) {
     for notice in notices {
-        eprintln!("note: {}: {notice}", path.display());
+        let hint = notice.reason.as_ref().and_then(hint);
+        let hint = hint.map(|hint| format!("; {hint}")).unwrap_or_default();
+        eprintln!("note: {}: {notice}{hint}", path.display());
     }
 }

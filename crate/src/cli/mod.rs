@@ -11,6 +11,7 @@ mod extract;
 mod files;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod hints;
 mod outcome;
 mod painter;
 mod report;
@@ -21,6 +22,7 @@ mod sweep;
 #[cfg(feature = "train")]
 mod train;
 mod trajectories;
+mod values;
 
 use std::process::ExitCode;
 
@@ -90,6 +92,9 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("tracklens: {error}");
+            if let Some(hint) = error.reason().and_then(hints::hint) {
+                eprintln!("hint: {hint}");
+            }
             ExitCode::from(exit_code(&error))
         }
     }

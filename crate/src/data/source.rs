@@ -2,6 +2,7 @@
 
 use super::frames::FrameIndex;
 use super::image::Frame;
+use super::reading::Notice;
 use crate::error::Result;
 use crate::track::GroundTruth;
 
@@ -27,7 +28,7 @@ pub trait FrameSource: Send + Sync {
     }
 
     /// What a person should know of how the source was read.
-    fn notices(&self) -> &[String] {
+    fn notices(&self) -> &[Notice] {
         &[]
     }
 

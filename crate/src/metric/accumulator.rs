@@ -3,7 +3,7 @@
 use ndarray::ArrayView2;
 
 use super::moments::{Moments, ObjectMoments};
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 
 /// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
 /// make the centred moments exact to rounding wherever the cloud of points lies, which running sums
@@ -184,7 +184,8 @@ impl Accumulator {
              frames out and counts them)",
             keypoints[[n, 0]],
             keypoints[[n, 1]]
-        )))
+        ))
+        .because(Reason::NonFinite { keypoint: n }))
     }
 
     /// Adds the frames of another accumulator.

@@ -5,8 +5,8 @@ use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error, to_js};
 use crate::checkpoint::SaeConfig;
-use crate::data::{self, Role};
 use crate::error::Error;
+use crate::intake::{self, Role};
 
 /// The version of the package.
 #[wasm_bindgen]
@@ -26,7 +26,7 @@ pub fn classify(path: &str, head: &[u8]) -> JsResult<JsValue> {
         reason: String,
         guess: bool,
     }
-    let found = data::classify(path, head);
+    let found = intake::classify(path, head);
     let role = match found.role {
         Role::Image => "image",
         Role::GroundTruth => "ground-truth",

@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
-use super::delimited::{Delimited, coordinate, frame, wrong_field};
-use super::{Content, Layout, Raw, Row, Sequences, TableOptions, quote_list};
+use super::fields::{Delimited, coordinate, frame, wrong_field};
+use super::rows::{Content, Raw, Row, Sequences};
+use crate::data::names::quote_list;
+use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
 
 /// More keypoints than any detector has; a guard against a table whose columns are mixed up.
@@ -90,7 +92,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
     if !ignored.is_empty() {
         table
             .notices
-            .push(format!("ignored: {}", quote_list(&ignored)));
+            .push(format!("ignored: {}", quote_list(&ignored)).into());
     }
     if let Some(twice) = columns
         .iter()
@@ -138,5 +140,6 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         points: points.names,
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }

@@ -1,7 +1,9 @@
 //! Tables with one row a frame and two columns a point.
 
-use super::delimited::{Delimited, coordinate, frame, wrong_field};
-use super::{Layout, Raw, Row, Sequences, quote_list};
+use super::fields::{Delimited, coordinate, frame, wrong_field};
+use super::rows::{Raw, Row, Sequences};
+use crate::data::names::quote_list;
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 /// The names of points with the columns of x and y: `cube_x` and `cube_y`, with `_`, `.`, `-` or a
@@ -59,12 +61,12 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     if !ignored.is_empty() {
         table
             .notices
-            .push(format!("ignored: {}", quote_list(&ignored)));
+            .push(format!("ignored: {}", quote_list(&ignored)).into());
     }
     if sequence_column.is_none() {
-        table.notices.push(format!(
-            "there is no column `sequence`; all rows are taken for one, `{stem}`"
-        ));
+        table.notices.push(
+            format!("there is no column `sequence`; all rows are taken for one, `{stem}`").into(),
+        );
     }
     let mut sequences = Sequences::default();
     let mut rows = Vec::new();
@@ -104,5 +106,6 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         points: points.into_iter().map(|(name, _)| name).collect(),
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }

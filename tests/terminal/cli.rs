@@ -1,7 +1,5 @@
 //! The real binary on real files: results, messages and exit codes.
 
-mod shared;
-
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -1335,4 +1333,16 @@ fn recordings_are_scored() {
         &format("points.npz"),
     ]));
     assert_eq!(truth["frames"], 15);
+}
+
+#[test]
+fn an_error_comes_with_the_option_that_helps() {
+    let tables = Tables::new();
+    let of_unknown_size = tables.score(&["--space", "px"]);
+    assert_eq!(of_unknown_size.status.code(), Some(3));
+    let text = stderr(&of_unknown_size);
+    assert!(
+        text.contains("the size of the images is not known") && text.contains("--image-size"),
+        "{text}"
+    );
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use fastrand::Rng;
 
-#[path = "shared/entries.rs"]
+#[path = "../shared/entries.rs"]
 mod entries;
 
 use entries::{ENTRIES, Entry};

@@ -1,18 +1,14 @@
 //! The burn modules and one step of their training against the authors' modules
 //! (`golden/*.safetensors`).
 
-#[path = "shared/reference.rs"]
-mod reference;
-mod shared;
-
 use std::collections::BTreeMap;
 
-use burn::prelude::{Device, Tensor, TensorData};
-use reference::{
+use crate::reference::{
     KEYPOINTS, TINY, Tolerances, batch, equals_the_reference, largest,
     tiny_training_equals_the_reference, training_equals_the_reference, values,
 };
-use shared::golden;
+use crate::shared::golden;
+use burn::prelude::{Device, Tensor, TensorData};
 use tracklens::checkpoint::{self, Checkpoint, SaeConfig};
 use tracklens::data::{Filter, Frame};
 use tracklens::engine::{Encoder, Workspace};
@@ -33,7 +29,7 @@ fn tiny_saes_equal_the_reference() {
 #[test]
 fn the_papers_saes_equal_the_reference() {
     for name in ["basic", "dsae", "keynet-vel-std-bg"] {
-        if let Some(bytes) = shared::large_golden(&format!("{name}.safetensors")) {
+        if let Some(bytes) = crate::shared::large_golden(&format!("{name}.safetensors")) {
             println!("{name}");
             equals_the_reference(&bytes, &["64", "256"], &Device::flex());
         }
@@ -93,7 +89,8 @@ fn three_steps_of_training_equal_the_reference() {
 #[test]
 fn three_steps_of_training_at_full_size_equal_the_reference() {
     let architecture = "basic-vel-std-bg";
-    let Some(bytes) = shared::large_golden(&format!("train-{architecture}.safetensors")) else {
+    let Some(bytes) = crate::shared::large_golden(&format!("train-{architecture}.safetensors"))
+    else {
         return;
     };
     let config = SaeConfig::named(architecture).expect("an architecture");

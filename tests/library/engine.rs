@@ -1,10 +1,8 @@
 //! The CPU engine against the authors' modules (`golden/*.safetensors`, computed by them with
 //! PyTorch).
 
-mod shared;
-
+use crate::shared::{golden, tensor};
 use safetensors::SafeTensors;
-use shared::{golden, tensor};
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::{Filter, Frame, Pixels};
 use tracklens::engine::{Decoder, Encoder, Workspace};
@@ -61,7 +59,7 @@ fn the_engine_equals_the_reference_on_tiny_encoders() {
 #[test]
 fn the_engine_equals_the_reference_on_the_papers_encoders() {
     for name in ["basic", "dsae", "keynet-vel-std-bg"] {
-        let Some(bytes) = shared::large_golden(&format!("{name}.safetensors")) else {
+        let Some(bytes) = crate::shared::large_golden(&format!("{name}.safetensors")) else {
             return;
         };
         let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))

@@ -2,21 +2,17 @@
 //! lavapipe, a GPU in software, so that no card is needed; by itself it runs on the first GPU there
 //! is.
 
-#[path = "shared/reference.rs"]
-mod reference;
-mod shared;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use burn::prelude::Device;
-use reference::{
+use crate::reference::{
     TINY, Tolerances, equals_the_reference, largest, tiny_training_equals_the_reference,
 };
+use crate::shared::golden;
+use burn::prelude::Device;
 use serde_json::Value;
-use shared::golden;
 use tracklens::checkpoint::{self, Checkpoint};
 use tracklens::device::DeviceKind;
 use tracklens::model::open;
@@ -176,7 +172,7 @@ fn extracted_keypoints_are_those_of_the_cpu() {
         }
         let difference = largest(&values[0], &values[1]);
         println!("{name}: {} coordinates, {difference:.1e}", values[0].len());
-        assert!(!values[0].is_empty() && difference < reference::KEYPOINTS);
+        assert!(!values[0].is_empty() && difference < crate::reference::KEYPOINTS);
     }
 }
 

@@ -7,11 +7,12 @@ use std::path::PathBuf;
 use ndarray::{Array3, Array4, ArrayView};
 use serde_json::Value;
 use tracklens::data::{
-    ArchiveEntry, ArchiveIndex, AxisOrder, Frame, FrameSource, Ground, NpyArray, NpzWriter, Pixels,
-    Recording, Space, Split, TableOptions, ground_truth_csv, ground_truth_of_arrays,
+    ArchiveEntry, ArchiveIndex, AxisOrder, Frame, FrameSource, Ground, Notice, NpyArray, NpzWriter,
+    Pixels, Recording, Space, Split, TableOptions, ground_truth_csv, ground_truth_of_arrays,
     keypoints_of_arrays, numpy_permutation, parse_ground_truth, parse_npz_ground_truth,
     parse_npz_keypoints,
 };
+use tracklens::error::Reason;
 use tracklens::track::FrameKey;
 
 const NAMES: [&str; 5] = ["cube", "target", "link_4", "link_5", "eef"];
@@ -124,6 +125,11 @@ fn expected() -> Expected {
     }
 }
 
+fn texts(notices: &[Notice]) -> String {
+    let texts: Vec<String> = notices.iter().map(ToString::to_string).collect();
+    texts.join("\n")
+}
+
 fn read_as(axes: Option<AxisOrder>) -> TableOptions {
     TableOptions {
         axes,
@@ -181,7 +187,7 @@ fn the_authors_recording_is_read_with_every_bit() {
     assert_eq!(truth.names(), NAMES);
     assert_eq!(*truth.points_ndc(), expected().points);
     assert_eq!(truth.keys(), recording.index().keys());
-    let notices = recording.notices().join("\n");
+    let notices = texts(recording.notices());
     assert!(notices.contains("(x, y): as the file says"), "{notices}");
     let paper = truth
         .select(&["cube", "target", "eef"].map(str::to_owned))
@@ -206,7 +212,7 @@ fn the_authors_options_are_understood() {
     assert_frames(&recording, 15, integers);
     let truth = recording.truth().expect("a ground truth");
     assert_eq!(*truth.points_ndc(), expected().points);
-    let notices = recording.notices().join("\n");
+    let notices = texts(recording.notices());
     assert!(notices.contains("(y, x): as the file says"), "{notices}");
     // Who says otherwise is believed.
     let swapped = hdf5("options.hdf5", Some(AxisOrder::Xy));
@@ -225,8 +231,11 @@ fn a_plain_hdf5_file_of_one_sequence_is_read() {
         *truth.points_ndc(),
         expected().points.slice(ndarray::s![..5, .., ..])
     );
-    let notices = recording.notices().join("\n");
-    assert!(notices.contains("a guess"), "{notices}");
+    let notices = texts(recording.notices());
+    assert!(
+        notices.contains("assumed, as the authors record"),
+        "{notices}"
+    );
 }
 
 #[test]
@@ -449,12 +458,7 @@ fn bad_points_are_told_apart() {
             .expect("written")
     });
     let table = parse_npz_ground_truth(&bytes, "gt.npz", &read_as(None)).expect("a ground truth");
-    assert!(
-        table
-            .notices
-            .join("\n")
-            .contains("1 of 6 positions are missing")
-    );
+    assert!(texts(&table.notices).contains("1 of 6 positions are missing"));
 }
 
 #[test]
@@ -613,11 +617,12 @@ fn points_in_pixels_take_the_size_of_the_frames_beside_them() {
     let ndc = recording.truth().expect("a ground truth").points_ndc()[[0, 0, 0]];
     assert_eq!(ndc, (2.0 * px + 1.0) / 16.0 - 1.0);
     let alone = fixture("data/formats/points.npz");
-    let error = parse_npz_ground_truth(&alone, "p.npz", &options)
-        .expect_err("of unknown size")
-        .to_string();
+    let error = parse_npz_ground_truth(&alone, "p.npz", &options).expect_err("of unknown size");
     assert!(
-        error.contains("the size of the images is not known"),
+        error
+            .to_string()
+            .contains("the size of the images is not known"),
         "{error}"
     );
+    assert_eq!(error.reason(), Some(&Reason::MissingImageSize));
 }

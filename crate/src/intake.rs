@@ -1,8 +1,7 @@
 //! What a file is, from its path and first bytes.
 
-use super::frames::{is_hidden, is_image};
-use super::table::{Layout, header_layout};
 use crate::checkpoint::Format;
+use crate::data::{Layout, is_hidden, is_image, layout_of};
 
 /// The endings of files that a browser may play.
 const VIDEO_ENDINGS: [&str; 7] = ["mp4", "m4v", "mov", "webm", "mkv", "avi", "ogv"];
@@ -119,7 +118,7 @@ fn table(head: &[u8]) -> (Role, String, bool) {
             "a table with columns `x` and `y`; a ground truth also needs `object`, keypoints need `keypoint`".to_owned(),
             true,
         ),
-        (false, false) => match header_layout(&fields) {
+        (false, false) => match layout_of(&fields) {
             Layout::Wide => (
                 Role::GroundTruth,
                 "a table with two columns a point, e.g. `cube_x,cube_y`; a guess: keypoints can look the same".to_owned(),

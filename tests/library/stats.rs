@@ -1,6 +1,6 @@
 //! Statistics over runs against numpy, SciPy and rliable (`tests/golden/make_stats.py`).
 //!
-//! `cargo test --test stats -- --nocapture` prints how far they are apart.
+//! `cargo test --test library stats -- --nocapture` prints how far they are apart.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use tracklens::metric::stats::{
 const TOLERANCE: f64 = 1e-13;
 
 fn fixture() -> Value {
-    serde_json::from_str(include_str!("golden/stats.json")).expect("JSON")
+    serde_json::from_str(include_str!("../golden/stats.json")).expect("JSON")
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

@@ -1,8 +1,6 @@
 //! Sweeps by the real binary: plans, runs here, and on a Slurm and a GNU parallel that the tests
 //! start.
 
-#![cfg(unix)]
-
 use std::ffi::OsStr;
 use std::fs;
 use std::net::TcpListener;

@@ -2,8 +2,9 @@
 
 use ndarray::Array3;
 use tracklens::data::{
-    AxisOrder, Ground, Role, Space, TableOptions, classify, parse_ground_truth, parse_keypoints,
+    AxisOrder, Ground, Space, TableOptions, parse_ground_truth, parse_keypoints,
 };
+use tracklens::intake::{Role, classify};
 use tracklens::track::GroundTruth;
 
 const SIZE: [u32; 2] = [200, 100];
@@ -182,7 +183,7 @@ fn axes_and_counting_can_be_given() {
         table
             .notices
             .iter()
-            .any(|n| n.contains("all rows are taken for one, `seq_3`"))
+            .any(|n| n.text.contains("all rows are taken for one, `seq_3`"))
     );
     let from_one = "sequence,frame,keypoint,x,y\n0,1,1,0,0\n0,1,2,0,0\n";
     assert_eq!(
@@ -216,13 +217,13 @@ fn an_analysis_of_deeplabcut_is_read() {
         track
             .notices
             .iter()
-            .any(|n| n.contains("likelihoods are not looked at"))
+            .any(|n| n.text.contains("likelihoods are ignored"))
     );
     assert!(
         track
             .notices
             .iter()
-            .any(|n| n.contains("keypoint 0 is `cube`, keypoint 1 is `eef`"))
+            .any(|n| n.text.contains("keypoint 0 is `cube`, keypoint 1 is `eef`"))
     );
 
     let several = "scorer,s,s,s,s,s,s\nindividuals,a,a,b,b,single,single\nbodyparts,tip,tip,tip,tip,box,box\n\
@@ -273,7 +274,7 @@ fn what_is_wrong_is_told_with_its_place() {
             labels(false),
             &[
                 "the positions are in pixels (as always in this layout)",
-                "--image-size",
+                "the size of the images is not known",
             ][..],
         ),
         (

@@ -1,13 +1,10 @@
 //! `tracklens report` by the real binary on run folders that the tests write.
 
-#[path = "shared/runs.rs"]
-mod runs;
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use runs::{config, error, sweep, write_run};
+use crate::runs::{config, error, sweep, write_run};
 
 use serde_json::{Value, json};
 use tracklens::metric::stats::{Sample, trimmed_mean};

@@ -1,17 +1,17 @@
 //! Tables, images, sequences, joins and checkpoints: what is read right, and what is said of bad
 //! input.
 
-mod shared;
-
 use std::path::PathBuf;
 
+use crate::shared::{golden, tensor};
 use safetensors::SafeTensors;
-use shared::{golden, tensor};
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{
-    Filter, Frame, FrameIndex, Role, TableOptions, classify, join, keypoints_csv,
-    parse_ground_truth, parse_keypoints, resize_planar,
+    Filter, Frame, FrameIndex, TableOptions, join, keypoints_csv, parse_ground_truth,
+    parse_keypoints, resize_planar,
 };
+use tracklens::error::Reason;
+use tracklens::intake::{Role, classify};
 use tracklens::track::FrameKey;
 
 fn key(sequence: &str, frame: u64) -> FrameKey {
@@ -66,7 +66,7 @@ fn byte_order_mark_crlf_semicolons_and_tabs_are_read() {
         )
         .expect("a table");
         assert_eq!(table.content, expected);
-        assert!(table.notices[0].contains(word));
+        assert!(table.notices[0].text.contains(word));
     }
 }
 
@@ -78,7 +78,9 @@ fn what_is_missing_is_not_visible_and_counted() {
     assert!(table.content.frame(0)[[1, 0]].is_nan());
     assert!(table.content.frame(2)[[0, 0]].is_nan());
     assert!(
-        table.notices[0].contains("3 of 6 positions are missing"),
+        table.notices[0]
+            .text
+            .contains("3 of 6 positions are missing"),
         "{:?}",
         table.notices
     );
@@ -86,7 +88,7 @@ fn what_is_missing_is_not_visible_and_counted() {
 
 #[test]
 fn another_unit_is_asked_about() {
-    let table = |scale: f64, shift: f64| {
+    let notices = |scale: f64, shift: f64| {
         let row = |t: i32| {
             let s = (f64::from(t) * 0.7).sin();
             format!("0,{t},cube,{},{}\n", shift + scale * s, shift - scale * s)
@@ -98,17 +100,25 @@ fn another_unit_is_asked_about() {
         parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default())
             .expect("a table")
             .notices
-            .join("; ")
     };
-    assert_eq!(table(1.0, 0.0), "");
-    assert!(table(0.5, 0.5).contains("no coordinate is negative: is this another unit"));
-    let pixels = table(128.0, 128.0);
+    let table = |scale: f64, shift: f64| {
+        let notices = notices(scale, shift);
+        let texts: Vec<String> = notices.iter().map(ToString::to_string).collect();
+        (texts.join("; "), notices.into_iter().find_map(|n| n.reason))
+    };
+    assert_eq!(table(1.0, 0.0), (String::new(), None));
+    let (fractions, reason) = table(0.5, 0.5);
+    assert!(fractions.contains("no coordinate is negative: is this another unit"));
+    assert_eq!(reason, Some(Reason::LooksLikeFractions));
+    let (pixels, reason) = table(128.0, 128.0);
     assert!(pixels.contains("beyond ±16: are these pixels?"), "{pixels}");
     assert!(
-        pixels.contains("`--keypoints-space px` for keypoints"),
-        "{pixels}"
+        matches!(reason, Some(Reason::LooksLikePixels { coordinates }) if coordinates > 0),
+        "{reason:?}"
     );
-    assert!(table(0.005, -0.99).contains("are they ndc already, and read as pixels?"));
+    let (corner, reason) = table(0.005, -0.99);
+    assert!(corner.contains("are they ndc already, and read as pixels?"));
+    assert_eq!(reason, Some(Reason::LooksLikeNdc));
 }
 
 #[test]

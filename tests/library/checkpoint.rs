@@ -1,13 +1,11 @@
 //! Checkpoints of every format: what goes in comes out, other readers agree, and bad files say what
 //! is wrong.
 
-mod shared;
-
 use std::collections::BTreeMap;
 
+use crate::shared::golden;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
-use shared::golden;
 use tracklens::checkpoint::{Checkpoint, Format, Tensor, read_tensors};
 
 const FORMATS: [Format; 3] = [Format::Safetensors, Format::PyTorch, Format::Burnpack];
@@ -108,11 +106,11 @@ fn the_configuration_of_the_authors_tells_what_the_tensors_do_not() {
 
 #[test]
 fn the_authors_checkpoint_at_full_size() {
-    let Some(bytes) = shared::large_golden("checkpoint_final.pth") else {
+    let Some(bytes) = crate::shared::large_golden("checkpoint_final.pth") else {
         return;
     };
     let checkpoint = Checkpoint::from_bytes(&bytes).expect("a checkpoint");
-    let Some(expected) = shared::large_golden("basic.safetensors") else {
+    let Some(expected) = crate::shared::large_golden("basic.safetensors") else {
         return;
     };
     let expected = Checkpoint::from_bytes(&expected).expect("a checkpoint");

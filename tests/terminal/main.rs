@@ -1,0 +1,15 @@
+//! The `tracklens` command.
+
+#[path = "../shared/runs.rs"]
+mod runs;
+
+mod cli;
+mod cli_checkpoint;
+mod evaluation;
+#[cfg(all(feature = "train", unix))]
+mod integrity;
+mod mutations;
+mod recorder;
+mod report;
+#[cfg(all(feature = "train", unix))]
+mod sweep;
