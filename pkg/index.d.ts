@@ -5,7 +5,7 @@
  * Keypoints of an encoder are in its latent space (+-1 at the centres of the border cells of its last feature
  * map), which {@link latentToImage} places in the image. Every call that takes user data throws an `Error`
  * whose message says what was wrong, where and what to do; `error.kind` is one of
- * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`.
+ * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`; `error.reason` is a {@link Reason} where there is a remedy.
  *
  * Names are camelCase. Documents, which can be saved and are what the terminal writes ({@link Evaluation},
  * {@link RunsReport}), have the names of their JSON, in snake_case.
@@ -28,6 +28,27 @@ export default function init(parts?: Part[] | Partial<Record<Part, PartSource>>)
 
 /** Compiles a part without loading it, to post it to workers: there `init({ extraction: module })` starts at once. */
 export function compile(part: Part): Promise<WebAssembly.Module>;
+
+/**
+ * What a program needs to know of an error (`error.reason`) or a notice to offer a remedy; new types may be added.
+ *
+ * - `missingImageSize`: positions are in pixels and `imageSize` is not known. Nothing else is wrong with the file: with
+ *   {@link TableOptions.imageSize} it can be parsed.
+ * - `nonFinite`: a keypoint is missing or not finite in a frame; `new Scoring(…, "exclude-frame")` leaves such frames out.
+ * - `missingPoints`: `missing` of `points` positions are missing.
+ * - `looksLikePixels`: `coordinates` lie far outside the image; `space: "px"` reads them as pixels.
+ * - `looksLikeNdc`: all coordinates read as pixels lie in the first corner; `space: "ndc"` reads them as they are.
+ * - `looksLikeFractions`: no coordinate is negative, as in a unit from 0 to 1.
+ * - `assumedAxisOrder`: the file does not say the order of the coordinates; `axisOrder` does.
+ */
+export type Reason =
+  | { type: "missingImageSize" }
+  | { type: "nonFinite"; keypoint: number }
+  | { type: "missingPoints"; missing: number; points: number }
+  | { type: "looksLikePixels"; coordinates: number }
+  | { type: "looksLikeNdc" }
+  | { type: "looksLikeFractions" }
+  | { type: "assumedAxisOrder" };
 
 /** The version of the package. */
 export function version(): string;
@@ -96,6 +117,8 @@ export class GroundTruthTable {
   readonly reading: Reading;
   /** What a person should know of how the table was read, e.g. a semicolon as separator. */
   readonly notices: string[];
+  /** The reasons behind those notices that have a remedy. */
+  readonly reasons: Reason[];
   free(): void;
 }
 
@@ -112,6 +135,7 @@ export class KeypointTable {
   readonly frames: number;
   readonly reading: Reading;
   readonly notices: string[];
+  readonly reasons: Reason[];
   /** The table as CSV, as `tracklens extract` writes it. */
   toCsv(): string;
   free(): void;
@@ -317,7 +341,7 @@ export interface ScoreOptions {
   seed?: number;
   /** Also give the errors by sequence. */
   sequences?: boolean;
-  /** Also give what others measure: regression with PCK, min-cost assignment. */
+  /** Also give other metrics: regression with PCK, min-cost assignment. */
   context?: boolean;
 }
 
@@ -343,6 +367,21 @@ export interface ObjectEvaluation {
   map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
 }
 
+/** What a recording can say about one object. */
+export interface Sufficiency {
+  name: string;
+  /** The mean squared distance of the object from its mean position, ndc. */
+  variance: number;
+  /** Independent observations that its frames amount to. */
+  observations: number;
+  /** A bound on the probability that random keypoints pass for tracking. */
+  chance: number;
+  /** Whether `chance` is at most 0.05. */
+  known: boolean;
+  /** What would be enough; `null` where it is, or the variance is not above the threshold. */
+  needed: { frames: number; sequences: number | null } | null;
+}
+
 /** Held-out folds: maps and best keypoints are of the other folds. */
 export interface HeldOut {
   folds: number;
@@ -362,7 +401,7 @@ export interface Intervals {
   objects: { name: string; error: [number, number] | null }[];
 }
 
-/** What others measure; shares in the order of `close`. */
+/** Other metrics of the same data; shares in the order of `close`. */
 export interface Context {
   /** Distances as shares of the side of the image. */
   close: number[];
@@ -380,14 +419,17 @@ export interface Context {
 
 /** The result, as `tracklens score --json` prints it; `docs/metrics.md` describes every field. */
 export interface Evaluation {
-  schema: "tracklens/evaluation/2";
+  schema: "tracklens/evaluation/3";
   version: string;
   /** The command that repeats it. */
   command?: string;
-  tc: number;
+  /** `null`: an object has not enough data to tell tracking from chance; see `sufficiency` and `warnings`. */
+  tc: number | null;
   frames: number;
   /** Frames left out because a keypoint was not finite. */
   excluded: number;
+  /** For every keypoint, the frames in which it is missing; present where one is. */
+  missing?: number[];
   transform: "identity" | "scale-translate" | "affine";
   rank: "reference" | "centred";
   /** How `objects` and `errors` were fitted and scored: on the same frames, as in the authors' code. */
@@ -403,6 +445,8 @@ export interface Evaluation {
     unmatched_frames: { count: number; first: string[] };
     unmatched_rows: { count: number; first: string[] };
   };
+  /** Whether the data were enough to tell tracking from chance, by object. */
+  sufficiency?: Sufficiency[];
   /** With `folds`. */
   held_out?: HeldOut;
   /** With `bootstrap`. */
@@ -476,11 +520,14 @@ export interface Series {
 
 /** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
 export class Scoring {
-  /** @param onNonFinite what to do with frames in which a keypoint is not finite; default `error`. */
+  /**
+   * @param onNonFinite what to do with frames in which a keypoint is missing; default `exclude-point`: they do not
+   *   count for that keypoint.
+   */
   constructor(
     truth: GroundTruthTable,
     keypoints: KeypointTable,
-    onNonFinite?: "error" | "exclude-frame",
+    onNonFinite?: "exclude-point" | "error" | "exclude-frame",
   );
   readonly join: JoinReport;
   /** The number of joined frames T. */

@@ -29,7 +29,7 @@ pub(super) struct InspectArguments {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Also show how the CPU engine computes frames of this size, layer by layer
-    #[arg(long, value_name = "WxH", value_parser = super::score::parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = super::values::parse_size)]
     plan: Option<[u32; 2]>,
     /// Print JSON (the default when the output is not a terminal)
     #[arg(long)]
@@ -42,7 +42,7 @@ pub(super) struct ExportArguments {
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
     /// Where to write the encoder as an ONNX model (operator set 17)
-    #[arg(long, value_name = "ENCODER.onnx", value_parser = files::parse_onnx_path)]
+    #[arg(long, value_name = "ENCODER.onnx", value_parser = super::values::parse_onnx_path)]
     onnx: PathBuf,
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufWriter, IsTerminal as _};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use comfy_table::CellAlignment;
@@ -188,6 +188,10 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
             Ok(())
         },
     )?;
+    if let Err(error) = frames.verify() {
+        found.unreadable.push(error.to_string());
+    }
+    let nothing_read = found.sizes.is_empty();
     if arguments.json || !std::io::stdout().is_terminal() {
         let json = serde_json::to_string_pretty(&found)
             .map_err(|e| Error::input(format!("the inspection cannot be written as JSON: {e}")))?;
@@ -195,7 +199,10 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     } else {
         print_inspection(&found)?;
     }
-    Ok(())
+    match nothing_read {
+        true => Err(Error::input("no frame can be read").at(arguments.path.display())),
+        false => Ok(()),
+    }
 }
 
 fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspection> {
@@ -413,6 +420,16 @@ impl Job<'_> {
             .tempdir_in(self.parent)
             .map_err(|e| self.failed(&e))?;
         for sequence in self.frames.index().sequences() {
+            // Joined to the folder, another path would lead out of it.
+            let is_below = Path::new(&sequence.name)
+                .components()
+                .all(|part| matches!(part, Component::Normal(_)));
+            if !is_below {
+                return Err(Error::input(format!(
+                    "the sequence `{}` is not the name of a folder; rename it",
+                    sequence.name
+                )));
+            }
             fs::create_dir_all(folder.path().join(&sequence.name)).map_err(|e| self.failed(&e))?;
         }
         let digits = keys

@@ -2,6 +2,7 @@
 
 use super::frames::FrameIndex;
 use super::image::Frame;
+use super::reading::Notice;
 use crate::error::Result;
 use crate::track::GroundTruth;
 
@@ -23,8 +24,17 @@ pub trait FrameSource: Send + Sync {
     }
 
     /// What a person should know of how the source was read.
-    fn notices(&self) -> &[String] {
+    fn notices(&self) -> &[Notice] {
         &[]
+    }
+
+    /// Compares the checksum of all frames together, where the source has one: reading frame by
+    /// frame does not.
+    ///
+    /// # Errors
+    /// When it differs.
+    fn verify(&self) -> Result<()> {
+        Ok(())
     }
 
     /// Whether some frames are floats, which 8 bits would quantise.

@@ -1,0 +1,394 @@
+//! What an evaluation brings beside its errors, by the real binary: sequences, context, figures,
+//! reports, saved results.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+use tracklens::evaluation::EvaluationReport;
+use tracklens::report::draw::Theme;
+use tracklens::report::evaluation::{capability, evaluation_figures, matrix, sequences};
+
+/// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing;
+/// `hidden` is never visible.
+fn tables() -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+    for (s, sequence) in ["one", "two", "three"].into_iter().enumerate() {
+        for t in 0..20 {
+            let i = f64::from(t) + 20.0 * s as f64;
+            let (x, y) = (0.8 * (i * 0.37).sin(), 0.8 * (i * 0.71).cos());
+            let off = if s == 2 { 0.1 * (i * 2.9).sin() } else { 0.0 };
+            truth += &format!("{sequence},{t},cube,{x},{y}\n{sequence},{t},hidden,,\n");
+            keypoints += &format!(
+                "{sequence},{t},0,{},{}\n",
+                0.5 * x + off,
+                0.1 - y + off * off
+            );
+            keypoints += &format!("{sequence},{t},1,{},{}\n", (i * 1.3).cos(), (i * 1.9).sin());
+        }
+    }
+    for (name, text) in [("gt.csv", truth), ("kp.csv", keypoints)] {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    }
+    folder
+}
+
+fn score(folder: &Path, more: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .current_dir(folder)
+        .args(["score", "--truth", "gt.csv", "--keypoints", "kp.csv"])
+        .args(more)
+        .output()
+        .expect("the binary runs")
+}
+
+fn json(output: &Output) -> Value {
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+fn number(value: &Value) -> f64 {
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn a_tc_of_too_few_data_is_unknown_and_says_what_is_enough() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let tables = |sequences: u32| {
+        let mut truth = String::from("sequence,frame,object,x,y\n");
+        let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+        for s in 0..sequences {
+            for t in 0..20 {
+                let (still, moving) = (f64::from(s), f64::from(t));
+                let at = |i: f64, pace: f64| 0.8 * (i * pace).sin();
+                truth += &format!("{s},{t},still,{},{}\n", at(still, 2.1), at(still, 1.3));
+                truth += &format!("{s},{t},moving,{},{}\n", at(moving, 2.1), at(moving, 1.3));
+                // Has nothing to do with the object, but stands still in every sequence as well.
+                let _ = writeln!(keypoints, "{s},{t},0,{},{}", at(still, 0.7), at(still, 2.9));
+            }
+        }
+        for (name, text) in [("gt.csv", truth), ("kp.csv", keypoints)] {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        }
+    };
+    let scored = |more: &[&str]| {
+        let result = json(&score(folder.path(), more));
+        let warnings = result["warnings"].as_array().expect("warnings").clone();
+        let unknown = |w: &Value| w.as_str().is_some_and(|w| w.starts_with("TC is unknown:"));
+        let about = warnings.into_iter().filter(unknown).collect::<Vec<_>>();
+        (result, about)
+    };
+    tables(3);
+    let (result, warnings) = scored(&[]);
+    assert_eq!(
+        result["objects"][0]["tracked"], true,
+        "three positions are fitted exactly"
+    );
+    assert_eq!(result["tc"], Value::Null);
+    let still = &result["sufficiency"][0];
+    assert_eq!(
+        (&still["known"], &still["chance"]),
+        (&false.into(), &1.0.into())
+    );
+    let text = warnings[0].as_str().expect("text");
+    assert!(
+        text.contains("object `still` amount to 3.0 independent positions")
+            && text.contains("sequences ("),
+        "{text}"
+    );
+    // Held out, nothing is tracked: that is said as well where a TC is known.
+    assert_eq!(result["held_out"]["folds"], 3);
+    assert_eq!(result["held_out"]["objects"][0]["tracked"], false);
+    let strict = score(folder.path(), &["--strict"]);
+    assert_eq!(strict.status.code(), Some(5));
+    assert!(String::from_utf8_lossy(&strict.stderr).contains("the TC is unknown"));
+    let printed: Value = serde_json::from_slice(&strict.stdout).expect("JSON");
+    assert_eq!(printed["tc"], Value::Null);
+
+    // What is said to be enough is enough.
+    let needed = number(&still["needed"]["sequences"]) as u32;
+    tables(needed + 2);
+    let (result, warnings) = scored(&["--strict"]);
+    assert_eq!(
+        (number(&result["tc"]), warnings.len()),
+        (0.0, 0),
+        "{warnings:?}"
+    );
+
+    // A threshold that every constant keeps makes every keypoint track.
+    let (result, warnings) = scored(&["--threshold", "still=2"]);
+    assert_eq!(result["sufficiency"][0]["needed"], Value::Null);
+    assert!(
+        warnings[0]
+            .as_str()
+            .is_some_and(|w| w.contains("hardly moves")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn sequences_are_listed_worst_first_and_make_up_the_error() {
+    let folder = tables();
+    let result = json(&score(folder.path(), &["--sequences", "--json"]));
+    let lists = result["sequences"].as_array().expect("lists");
+    // The object that is never visible has none.
+    assert_eq!(lists.len(), 1);
+    assert_eq!(
+        (&lists[0]["object"], &lists[0]["keypoint"]),
+        (&"cube".into(), &0.into())
+    );
+    let errors = lists[0]["errors"].as_array().expect("sequences");
+    assert_eq!(errors[0]["sequence"], "three");
+    let of = |field: &str| -> Vec<f64> { errors.iter().map(|e| number(&e[field])).collect() };
+    assert!(of("error").is_sorted_by(|a, b| a >= b));
+    let mean = of("error").iter().sum::<f64>() / 3.0;
+    // From squared distances here, from moments there.
+    assert!((mean - number(&result["objects"][0]["error"])).abs() < 1e-12);
+    assert!(
+        of("worst_error")
+            .iter()
+            .zip(of("error"))
+            .all(|(worst, mean)| *worst >= mean)
+    );
+}
+
+#[test]
+fn the_second_best_keypoint_and_the_command_are_named() {
+    let folder = tables();
+    let result = json(&score(
+        folder.path(),
+        &["--json", "--threshold", "cube=0.02"],
+    ));
+    let cube = &result["objects"][0];
+    assert_eq!(cube["second_best"]["keypoint"], 1);
+    assert_eq!(cube["second_best"]["error"], result["errors"][0][1]);
+    assert!(result["objects"][1].get("second_best").is_none());
+    assert_eq!(
+        result["command"],
+        "tracklens score --truth gt.csv --keypoints kp.csv --json --threshold 'cube=0.02'"
+    );
+    assert_eq!(result["join"]["matched"], 60);
+}
+
+#[test]
+fn context_has_regression_and_assignment_on_demand() {
+    let folder = tables();
+    let plain = json(&score(folder.path(), &["--json"]));
+    assert!(plain.get("context").is_none() && plain.get("sequences").is_none());
+    let context = &json(&score(
+        folder.path(),
+        &["--context", "--folds", "3", "--json"],
+    ))["context"];
+    let rows = context["regression"].as_array().expect("rows");
+    assert_eq!(rows.len(), 4);
+    // All keypoints together leave no more than the best one alone on the frames that are fitted.
+    assert!(number(&rows[0]["error"]) <= number(&plain["objects"][0]["error"]));
+    assert!(number(&rows[2]["error"]) >= number(&rows[0]["error"]));
+    assert_eq!(
+        (&rows[2]["held_out"], &rows[1]["error"]),
+        (&true.into(), &Value::Null)
+    );
+    assert_eq!(context["assignment"][1]["trajectory"], "sequence");
+    assert_eq!(context["assignment"][1]["objects"], 3);
+    let table = String::from_utf8(score(folder.path(), &["--csv"]).stdout).expect("text");
+    assert!(table.starts_with("object,tracked,error"));
+}
+
+#[test]
+fn a_report_is_one_file_that_loads_nothing_and_figures_are_svg_and_png() {
+    let folder = tables();
+    let output = score(
+        folder.path(),
+        &[
+            "--report",
+            "out.html",
+            "--figures",
+            "figures",
+            "--folds",
+            "3",
+            "--bootstrap",
+            "20",
+            "--context",
+        ],
+    );
+    let result = json(&output);
+    let page = std::fs::read_to_string(folder.path().join("out.html")).expect("a report");
+    assert!(page.starts_with("<!DOCTYPE html>"));
+    for outside in ["<script", "<link", "src=", "@import", "url("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    // The names of SVG's namespaces are no addresses that anything is loaded from.
+    let loaded = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!loaded.contains("http://") && !loaded.contains("https://"));
+    for expected in [
+        "cube",
+        "hidden",
+        "three",
+        "Other metrics",
+        "--bootstrap 20",
+        "held-out error",
+    ] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    assert_eq!(page.matches("<svg").count(), 3);
+    for name in ["errors", "capability", "sequences-cube"] {
+        let file = |ending: &str| folder.path().join(format!("figures/{name}.{ending}"));
+        let png = std::fs::read(file("png")).expect("a PNG");
+        assert!(
+            png.starts_with(b"\x89PNG") && png.len() > 5000,
+            "{name}: {} bytes",
+            png.len()
+        );
+        let svg = std::fs::read_to_string(file("svg")).expect("an SVG");
+        assert!(svg.starts_with("<svg"));
+    }
+    assert_eq!(result["held_out"]["folds"], 3);
+    // Told before anything is computed.
+    let nowhere = score(folder.path(), &["--report", "nowhere/out.html"]);
+    assert_eq!(nowhere.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&nowhere.stderr).contains("nowhere/out.html"));
+}
+
+#[test]
+fn figures_of_objects_with_similar_names_do_not_overwrite_each_other() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mut truth, mut keypoints) = (
+        "sequence,frame,object,x,y\n".to_owned(),
+        "sequence,frame,keypoint,x,y\n".to_owned(),
+    );
+    for t in 0..40 {
+        let [x, y] = [
+            0.02 * f64::from(t) - 0.4,
+            0.3 - 0.01 * f64::from(t * t % 37),
+        ];
+        for name in ["m1_nose", "m1 nose", "鼻", "口"] {
+            let _ = writeln!(truth, "a,{t},{name},{x},{y}");
+        }
+        let _ = writeln!(keypoints, "a,{t},0,{y},{x}");
+    }
+    std::fs::write(folder.path().join("gt.csv"), truth).expect("a table");
+    std::fs::write(folder.path().join("kp.csv"), keypoints).expect("a table");
+    json(&score(folder.path(), &["--figures", "figures"]));
+    let names: std::collections::BTreeSet<String> =
+        std::fs::read_dir(folder.path().join("figures"))
+            .expect("a folder")
+            .map(|entry| {
+                entry
+                    .expect("a file")
+                    .file_name()
+                    .to_string_lossy()
+                    .into_owned()
+            })
+            .filter(|name| name.ends_with(".svg"))
+            .collect();
+    let expected = [
+        "capability.svg",
+        "errors.svg",
+        "sequences-_-2.svg",
+        "sequences-_.svg",
+        "sequences-m1_nose-2.svg",
+        "sequences-m1_nose.svg",
+    ];
+    assert_eq!(names, expected.map(str::to_owned).into());
+}
+
+#[test]
+fn a_saved_evaluation_is_read_again_and_newer_ones_are_refused() {
+    let folder = tables();
+    let output = score(
+        folder.path(),
+        &[
+            "--json",
+            "--sequences",
+            "--context",
+            "--folds",
+            "2",
+            "--bootstrap",
+            "9",
+        ],
+    );
+    let value = json(&output);
+    let report = EvaluationReport::parse(&output.stdout, "saved.json").expect("an evaluation");
+    assert_eq!(serde_json::to_value(&report).expect("JSON"), value);
+
+    let told = |value: &Value| {
+        let bytes = serde_json::to_vec(value).expect("JSON");
+        EvaluationReport::parse(&bytes, "saved.json")
+            .expect_err("refused")
+            .to_string()
+    };
+    let with = |field: &str, new: Value| {
+        let mut value = value.clone();
+        value[field] = new;
+        value
+    };
+    let newer = told(&with("schema", "tracklens/evaluation/4".into()));
+    assert!(
+        newer.contains("saved.json")
+            && newer.contains("evaluation/4")
+            && newer.contains("reads up to"),
+        "{newer}"
+    );
+    assert!(
+        told(&with("schema", "tracklens/report/1".into()))
+            .contains("expected `tracklens/evaluation/3`")
+    );
+    assert!(
+        told(&with("errors", serde_json::json!([[1.0]]))).contains("expected one row an object")
+    );
+    assert!(told(&with("objects", Value::Null)).contains("not complete"));
+    assert!(told(&Value::from(3)).contains("not the JSON of an evaluation"));
+
+    // The first schema: without what came later.
+    let mut first = value;
+    for field in ["command", "join", "image_size", "sequences", "context"] {
+        first.as_object_mut().expect("an object").remove(field);
+    }
+    first["schema"] = "tracklens/evaluation/1".into();
+    let bytes = serde_json::to_vec(&first).expect("JSON");
+    let old = EvaluationReport::parse(&bytes, "old.json").expect("an evaluation");
+    assert_eq!((old.tc, old.sequences), (report.tc, None));
+}
+
+#[test]
+fn figures_say_where_their_plot_lies() {
+    let folder = tables();
+    let output = score(folder.path(), &["--json", "--sequences"]);
+    let report = EvaluationReport::parse(&output.stdout, "e").expect("an evaluation");
+    let theme = &Theme::PRINT;
+    for width in [320, 880] {
+        let drawn = matrix(&report, &[Some(1), None], theme, width).expect("a matrix");
+        let [left, top, plot_width, height] = drawn.plot;
+        assert!(left > 0.0 && left + plot_width <= f64::from(drawn.width));
+        assert!(top > 0.0 && top + height < f64::from(drawn.height));
+        assert_eq!((drawn.x, drawn.y), ([0.0, 2.0], [2.0, 0.0]));
+        let drawn = capability(&report, Some(3.0), theme, width).expect("a curve");
+        let ratio = report.objects[0].error.expect("an error") / report.objects[0].threshold;
+        assert!(drawn.x[0] <= ratio && ratio <= drawn.x[1], "{:?}", drawn.x);
+        let drawn = sequences(&[0.3, 0.2, 0.0], 0.015, Some(1), theme, width).expect("sequences");
+        assert_eq!(drawn.x, [0.0, 3.0]);
+        assert!(drawn.y[0] > 0.0 && drawn.y[1] >= 0.3);
+    }
+    assert_eq!(evaluation_figures(&report).expect("figures").len(), 3);
+    assert!(capability(&report, None, theme, 10).is_err());
+    // One keypoint, and no error at all.
+    let mut odd = report;
+    for row in &mut odd.errors {
+        row.truncate(1);
+        row.fill(Some(0.0));
+    }
+    for object in &mut odd.objects {
+        (object.best_keypoint, object.error, object.second_best) = (Some(0), Some(0.0), None);
+    }
+    assert!(evaluation_figures(&odd).is_ok());
+}
