@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{EncodedFrames, FrameIndex, TableOptions, parse_ground_truth};
-use tracklens::engine::{Encoder, Workspace};
+use tracklens::engine::{CpuEncoder, Workspace};
 use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
@@ -162,7 +162,7 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
     let checkpoint = weights(&out);
     assert_eq!(checkpoint.config.input_size, Some([32, 32]));
     assert_eq!(checkpoint.metadata["tracklens.epoch"], "25");
-    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let encoder = CpuEncoder::new(&checkpoint).expect("a plan");
     let points = encoder
         .run(&mut Workspace::default(), &vec![0.5; 3 * 32 * 32], [32, 32])
         .expect("points");

@@ -61,7 +61,7 @@ export function showResults(session) {
     );
     update();
     const { tc, objects } = session.score.evaluation;
-    announce(`Tracking capability ${fixed(tc)}: ${tally(objects)}.`);
+    announce(`Tracking capability ${tc === null ? "unknown" : fixed(tc)}: ${tally(objects)}.`);
   };
   const update = () => {
     place.hidden = session.score.evaluation === null;

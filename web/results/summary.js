@@ -44,14 +44,15 @@ export function summaryView(session) {
     const { evaluation, intervals } = session.score;
     if (!evaluation) return;
     const heldOut = evaluation.held_out;
-    value.textContent = fixed(heldOut?.tc ?? evaluation.tc);
-    value.dataset.tc = String(heldOut?.tc ?? evaluation.tc);
+    const tc = heldOut?.tc ?? evaluation.tc;
+    value.textContent = tc === null ? "unknown" : fixed(tc);
+    value.dataset.tc = String(tc);
     share.textContent = tally(heldOut?.objects ?? evaluation.objects);
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
     if (heldOut) {
-      const fitted = `Fitted on the same frames: ${fixed(evaluation.tc)}`;
+      const fitted = `Fitted on the same frames: ${evaluation.tc === null ? "unknown" : fixed(evaluation.tc)}`;
       interval.textContent = fitted + (known ? `, 95 % interval ${known}` : "");
     } else
       interval.textContent = known

@@ -9,8 +9,6 @@ mod data;
 mod device;
 mod extract;
 mod files;
-#[cfg(feature = "gpu")]
-mod gpu;
 mod hints;
 mod outcome;
 mod painter;

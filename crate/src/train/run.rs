@@ -194,7 +194,7 @@ pub fn train(
                 velocity: mean(sum.velocity),
             },
             validation: outcome.losses,
-            tc: outcome.evaluation.tc,
+            tc: outcome.tc,
             errors: outcome.errors,
         };
         folder.progress.summary.seconds = before + start.elapsed().as_secs_f64();

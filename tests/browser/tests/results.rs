@@ -233,7 +233,7 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
     catch_files(&page).await;
     let file = saved(&page, "#save-evaluation", "evaluation.json").await;
     let ours: Value = serde_json::from_str(file["text"].as_str().expect("text")).expect("JSON");
-    assert_eq!(ours["schema"], "tracklens/evaluation/2");
+    assert_eq!(ours["schema"], "tracklens/evaluation/3");
     // f32 keypoints differ in the last digits between native and WebAssembly kernels.
     for (ours, theirs) in [
         (&ours["intervals"]["tc"], &result["intervals"]["tc"]),

@@ -267,7 +267,7 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     };
     let newer = saved
         .to_string()
-        .replace("tracklens/evaluation/2", "tracklens/evaluation/9");
+        .replace("tracklens/evaluation/3", "tracklens/evaluation/9");
     let cut = saved.to_string();
     let files = [
         put("newer.json", newer),
@@ -282,7 +282,7 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     page.until_text("the evaluation has the schema tracklens/evaluation/9")
         .await;
     page.until_text(
-        "reads up to tracklens/evaluation/2. Use the version of tracklens that wrote it",
+        "reads up to tracklens/evaluation/3. Use the version of tracklens that wrote it",
     )
     .await;
     page.pick(&[&files[1], &files[2], &good]).await;

@@ -27,7 +27,9 @@ export async function openRecording(recording) {
     found.push(name);
     if (name === entry.path || !Arrays.uses(name)) continue;
     if (entry.problem) throw new Error(`${path}: the array ${name}: ${entry.problem}`);
-    const blob = await unpack(file, entry, `${path}: the array ${name}`);
+    // Frames are read one by one, when they are shown.
+    const isWhole = Arrays.bytesNeeded(name, entry.size) === entry.size;
+    const blob = await unpack(file, entry, `${path}: the array ${name}`, isWhole);
     blobs.set(name, blob);
     const head = blob.slice(0, Arrays.bytesNeeded(name, blob.size));
     arrays.add(name, new Uint8Array(await head.arrayBuffer()), blob.size);

@@ -9,8 +9,6 @@ import { blobOf } from "../sources.js";
  * @typedef {import("../../pkg/index.js").ArchiveEntry} ArchiveEntry
  */
 
-/** Bytes that hold the directory of most archives. */
-const TAIL = 256 * 1024;
 const LOCAL_HEADER = 30;
 /** Bytes for the name and the extra field of most local headers. */
 const NAMES = 512;
@@ -42,7 +40,8 @@ export async function openArchive(archive) {
  * @returns {Promise<ArchiveEntry[]>}
  */
 export async function entriesOf(blob, path) {
-  let start = Math.max(0, blob.size - TAIL);
+  // Without any bytes the answer is how many of the last ones hold the directory of most archives.
+  let start = blob.size;
   for (;;) {
     const tail = new Uint8Array(await blob.slice(start).arrayBuffer());
     const { entries, needs } = readArchive(tail, blob.size, path);
@@ -52,15 +51,16 @@ export async function entriesOf(blob, path) {
 }
 
 /**
- * The content of an entry. A small one is read at once, with its header; of a large one, what is
- * stored as it is stays where it is, and what is packed goes through a stream into a blob, which
- * the browser may hold on disk.
+ * The content of an entry, whose size and checksum are compared. A small one is read at once, with
+ * its header; of a large one, what is stored as it is stays where it is, and what is packed goes
+ * through a stream into a blob, which the browser may hold on disk.
  * @param {Blob} blob the archive
  * @param {ArchiveEntry} entry
  * @param {string} path for messages
+ * @param {boolean} [isVerified] whether an entry that is stored as it is is read for its checksum
  * @returns {Promise<Blob>}
  */
-export async function unpack(blob, entry, path) {
+export async function unpack(blob, entry, path, isVerified = true) {
   const isSmall = entry.packed + entry.size <= SMALL;
   const ahead = LOCAL_HEADER + (isSmall ? NAMES + entry.packed : 0);
   const read = await blob.slice(entry.offset, entry.offset + ahead).arrayBuffer();
@@ -75,16 +75,22 @@ export async function unpack(blob, entry, path) {
     ? new Blob([read.slice(start, end)])
     : blob.slice(entry.offset + start, entry.offset + end);
   if (packed.size !== entry.packed) throw damaged(path, "the archive ends before it does");
-  if (!entry.deflated) return packed;
+  if (!entry.deflated && !isVerified) return packed;
   const whole = new Meter(entry, path);
   const bytes = isRead
     ? /** @type {ReadableStream} */ (new Response(read.slice(start, end)).body)
     : packed.stream();
-  const unpacked = new Response(
-    bytes.pipeThrough(new DecompressionStream("deflate-raw")).pipeThrough(whole.stream),
-  );
+  const inflated = entry.deflated
+    ? bytes.pipeThrough(new DecompressionStream("deflate-raw"))
+    : bytes;
+  const unpacked = inflated.pipeThrough(whole.stream);
   try {
-    return isSmall ? new Blob([await unpacked.arrayBuffer()]) : await unpacked.blob();
+    if (!entry.deflated) {
+      await unpacked.pipeTo(new WritableStream());
+      return packed;
+    }
+    const response = new Response(unpacked);
+    return isSmall ? new Blob([await response.arrayBuffer()]) : await response.blob();
   } catch (error) {
     throw (
       whole.error ??
