@@ -5,7 +5,7 @@
  * Keypoints of an encoder are in its latent space (+-1 at the centres of the border cells of its last feature
  * map), which {@link latentToImage} places in the image. Every call that takes user data throws an `Error`
  * whose message says what was wrong, where and what to do; `error.kind` is one of
- * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`.
+ * `"input" | "mismatch" | "numeric" | "io" | "cancelled"`; `error.reason` is a {@link Reason} where there is a remedy.
  *
  * Names are camelCase. Documents, which can be saved and are what the terminal writes ({@link Evaluation},
  * {@link RunsReport}), have the names of their JSON, in snake_case.
@@ -28,6 +28,27 @@ export default function init(parts?: Part[] | Partial<Record<Part, PartSource>>)
 
 /** Compiles a part without loading it, to post it to workers: there `init({ extraction: module })` starts at once. */
 export function compile(part: Part): Promise<WebAssembly.Module>;
+
+/**
+ * What a program needs to know of an error (`error.reason`) or a notice to offer a remedy; new types may be added.
+ *
+ * - `missingImageSize`: positions are in pixels and `imageSize` is not known. Nothing else is wrong with the file: with
+ *   {@link TableOptions.imageSize} it can be parsed.
+ * - `nonFinite`: a keypoint is missing or not finite in a frame; `new Scoring(…, "exclude-frame")` leaves such frames out.
+ * - `missingPoints`: `missing` of `points` positions are missing.
+ * - `looksLikePixels`: `coordinates` lie far outside the image; `space: "px"` reads them as pixels.
+ * - `looksLikeNdc`: all coordinates read as pixels lie in the first corner; `space: "ndc"` reads them as they are.
+ * - `looksLikeFractions`: no coordinate is negative, as in a unit from 0 to 1.
+ * - `assumedAxisOrder`: the file does not say the order of the coordinates; `axisOrder` does.
+ */
+export type Reason =
+  | { type: "missingImageSize" }
+  | { type: "nonFinite"; keypoint: number }
+  | { type: "missingPoints"; missing: number; points: number }
+  | { type: "looksLikePixels"; coordinates: number }
+  | { type: "looksLikeNdc" }
+  | { type: "looksLikeFractions" }
+  | { type: "assumedAxisOrder" };
 
 /** The version of the package. */
 export function version(): string;
@@ -96,6 +117,8 @@ export class GroundTruthTable {
   readonly reading: Reading;
   /** What a person should know of how the table was read, e.g. a semicolon as separator. */
   readonly notices: string[];
+  /** The reasons behind those notices that have a remedy. */
+  readonly reasons: Reason[];
   free(): void;
 }
 
@@ -112,6 +135,7 @@ export class KeypointTable {
   readonly frames: number;
   readonly reading: Reading;
   readonly notices: string[];
+  readonly reasons: Reason[];
   /** The table as CSV, as `tracklens extract` writes it. */
   toCsv(): string;
   free(): void;
@@ -317,7 +341,7 @@ export interface ScoreOptions {
   seed?: number;
   /** Also give the errors by sequence. */
   sequences?: boolean;
-  /** Also give what others measure: regression with PCK, min-cost assignment. */
+  /** Also give other metrics: regression with PCK, min-cost assignment. */
   context?: boolean;
 }
 
@@ -377,7 +401,7 @@ export interface Intervals {
   objects: { name: string; error: [number, number] | null }[];
 }
 
-/** What others measure; shares in the order of `close`. */
+/** Other metrics of the same data; shares in the order of `close`. */
 export interface Context {
   /** Distances as shares of the side of the image. */
   close: number[];

@@ -1,17 +1,65 @@
 //! The one error type of the crate.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// Why something could not be done: what was wrong, where, and what to do about it.
 ///
-/// The message is made for a person. [`Error::kind`] is for programs: the command line derives its
-/// exit code from it, the page decides with it what to keep.
+/// The message is for a person. [`Error::kind`] and [`Error::reason`] are for programs: the command
+/// line derives its exit code from the kind, and both the command line and the page offer a remedy
+/// that fits the reason.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{}{message}", Place(.place))]
 pub struct Error {
     kind: ErrorKind,
     place: Option<String>,
     message: String,
+    reason: Option<Reason>,
+}
+
+/// What a program needs to know of an [`Error`] or a notice to offer a remedy. The message says the
+/// same in words; the remedy (an option, a button) is up to whoever shows it.
+///
+/// In JavaScript it is a plain object, `error.reason`, with the name of the variant in `type`:
+/// `{ type: "missingImageSize" }`, `{ type: "nonFinite", keypoint: 3 }`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "data", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "data",
+    serde(
+        tag = "type",
+        rename_all = "camelCase",
+        rename_all_fields = "camelCase"
+    )
+)]
+#[non_exhaustive]
+pub enum Reason {
+    /// The positions are in pixels and nothing gives the size of the images. It is the last thing
+    /// that is checked: with a size, the same file can be read.
+    MissingImageSize,
+    /// A keypoint is missing or not finite in some frame. It can be scored without such frames.
+    NonFinite {
+        /// The keypoint.
+        keypoint: usize,
+    },
+    /// Positions are missing.
+    MissingPoints {
+        /// How many.
+        missing: usize,
+        /// How many there would be without gaps.
+        points: usize,
+    },
+    /// Coordinates read as ndc lie far outside the image, as pixels would.
+    LooksLikePixels {
+        /// How many of them.
+        coordinates: usize,
+    },
+    /// All coordinates lie in the first corner of the image, as ndc read as pixels would.
+    LooksLikeNdc,
+    /// No coordinate is negative, as in a unit that goes from 0 to 1 across the image.
+    LooksLikeFractions,
+    /// The file does not say in which order the coordinates are; the usual order was assumed.
+    AssumedAxisOrder,
 }
 
 /// What sort of failure an [`Error`] is.
@@ -39,7 +87,8 @@ impl Error {
         Self {
             kind,
             place: None,
-            message: message.into(),
+            message: without_controls(&message.into()).into_owned(),
+            reason: None,
         }
     }
 
@@ -71,16 +120,40 @@ impl Error {
     /// The same error with the place (file, line, frame) it happened at, outermost first.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {
+        let place = place.to_string();
+        let place = without_controls(&place);
         self.place = Some(match self.place {
             Some(inner) => format!("{place}: {inner}"),
-            None => place.to_string(),
+            None => place.into_owned(),
         });
         self
+    }
+
+    /// The same error with the reason, for programs that offer a remedy.
+    #[must_use]
+    pub fn because(mut self, reason: Reason) -> Self {
+        self.reason = Some(reason);
+        self
+    }
+
+    /// The reason, where there is a remedy for it.
+    pub fn reason(&self) -> Option<&Reason> {
+        self.reason.as_ref()
     }
 
     /// What sort of failure this is.
     pub fn kind(&self) -> ErrorKind {
         self.kind
+    }
+}
+
+/// `text` with U+FFFD for control characters other than line breaks and tabs: what comes from a file
+/// must not give orders to a terminal.
+pub(crate) fn without_controls(text: &str) -> Cow<'_, str> {
+    let is_bad = |c: char| c.is_control() && c != '\n' && c != '\t';
+    match text.contains(is_bad) {
+        true => Cow::Owned(text.replace(is_bad, "\u{fffd}")),
+        false => Cow::Borrowed(text),
     }
 }
 

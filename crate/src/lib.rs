@@ -5,8 +5,8 @@
 //! tracking errors and Tracking Capability (TC). It extracts keypoints from images with spatial
 //! autoencoders (SAEs) and trains them.
 //!
-//! [`metric`] scores arrays; [`evaluation`] joins tables of keypoints and ground truth and scores
-//! them; [`extract`] finds keypoints in frames; [`train`] trains autoencoders; [`report`] draws the
+//! [`metric`] scores arrays; `evaluation` joins tables of keypoints and ground truth and scores
+//! them; `extract` finds keypoints in frames; `train` trains autoencoders; `report` draws the
 //! results of one evaluation or of many runs.
 //!
 //! # Features
@@ -17,13 +17,13 @@
 //! | feature | brings | crates |
 //! |---|---|---|
 //! | none | [`metric`], [`track`] | 22 |
-//! | `data` | tables, frames, sequences and checkpoints from bytes: [`data`], [`checkpoint`], [`evaluation`], [`run`] | 69 |
+//! | `data` | tables, frames, sequences and checkpoints from bytes: `data`, `checkpoint`, `evaluation`, `run` | 69 |
 //! | `jpeg-webp` | JPEG and WebP images besides PNG | 73 |
 //! | `hdf5` | HDF5 recordings | 78 |
-//! | `engine` | encoders on the CPU: [`engine`], [`extract`] | 72 |
-//! | `report` | tables, figures and pages: [`report`] | 76 |
-//! | `model` | the SAEs as burn modules: [`model`] | 195 |
-//! | `train` | training: [`train`] | 207 |
+//! | `engine` | encoders on the CPU: `engine`, `extract` | 72 |
+//! | `report` | tables, figures and pages: `report` | 76 |
+//! | `model` | the SAEs as burn modules: `model` | 195 |
+//! | `train` | training: `train` | 208 |
 //! | `gpu` | burn's wgpu backend (Vulkan, Metal, Direct3D 12, OpenGL) as a device | 301 |
 //! | `cli` | the binary `tracklens`, without training | 171 |
 //!
@@ -52,6 +52,8 @@ pub mod evaluation;
 #[cfg(feature = "engine")]
 pub mod extract;
 #[cfg(feature = "data")]
+pub mod intake;
+#[cfg(feature = "data")]
 mod memory;
 #[cfg(feature = "model")]
 pub mod model;
@@ -71,7 +73,7 @@ pub mod cli;
 #[doc(hidden)]
 pub mod web;
 
-pub use error::{Error, ErrorKind, Result};
+pub use error::{Error, ErrorKind, Reason, Result};
 
 /// Tests the examples of the README.
 #[cfg(doctest)]

@@ -27,7 +27,7 @@ CHECKPOINTS = [
     GOLDEN / "keynet-vel-std-bg-tiny.safetensors",
     TESTS.parent / "web" / "example" / "checkpoint.safetensors",
 ]
-# As tests/engine.rs: two float32 implementations add the same products in another order, and peaky attention maps
+# As tests/library/engine.rs: two float32 implementations add the same products in another order, and peaky attention maps
 # magnify it. 1e-4 is 1/80 of a pixel at 256 px.
 TOLERANCE = 1e-4
 

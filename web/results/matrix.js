@@ -1,9 +1,12 @@
 // @ts-check
-/** The errors of all keypoints for all objects: a heat map whose cells choose the keypoint on display. */
+/**
+ * The errors of all keypoints for all objects: a heat map whose cells choose the keypoint on
+ * display.
+ */
 
 import { matrixFigure } from "../pkg/index.js";
-import { fill, h } from "../dom.js";
-import { significant } from "../format.js";
+import { fill, h } from "../ui/dom.js";
+import { significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
 /** @typedef {import("../session.js").Session} Session */
@@ -16,7 +19,12 @@ export function matrixView(session) {
   const note = h("p", { class: "hint-line" });
   const reset = h(
     "button",
-    { type: "button", class: "button", id: "choose-best", onclick: () => session.chooseBest() },
+    {
+      type: "button",
+      class: "button",
+      id: "choose-best",
+      onclick: () => session.score.chooseBest(),
+    },
     "Back to the best keypoints",
   );
   /** The cell that the keys move from. */
@@ -28,13 +36,15 @@ export function matrixView(session) {
     id: "errors",
     label: "Tracking error of every keypoint for every object",
     draw: (theme, width) => {
-      const { evaluation } = session;
+      const { evaluation } = session.score;
       if (!evaluation) return null;
-      const chosen = Int32Array.from(evaluation.objects, (_, k) => (session.isChosen(k) ? (session.keypointOf(k) ?? -1) : -1));
+      const chosen = Int32Array.from(evaluation.objects, (_, k) =>
+        session.score.isChosen(k) ? (session.score.keypointOf(k) ?? -1) : -1,
+      );
       return matrixFigure(evaluation, chosen, theme, width);
     },
     drawn: (drawn, layer) => {
-      const { evaluation } = session;
+      const { evaluation } = session.score;
       if (!evaluation) return;
       const [left, top, width, height] = drawn.plot;
       const columns = evaluation.errors[0].length;
@@ -46,7 +56,7 @@ export function matrixView(session) {
             class: "matrix-cell",
             tabIndex: -1,
             "aria-label": describe(session, object, keypoint),
-            "aria-selected": String(session.keypointOf(object) === keypoint),
+            "aria-selected": String(session.score.keypointOf(object) === keypoint),
             data: { object, keypoint },
           });
           cell.style.width = `${width / columns}px`;
@@ -54,10 +64,22 @@ export function matrixView(session) {
         }),
       );
       const rows = cells.map((row) => h("div", { role: "row", class: "matrix-row" }, ...row));
-      const grid = h("div", { role: "grid", class: "matrix-grid", "aria-label": "Errors by object and keypoint" }, ...rows);
-      Object.assign(grid.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+      const grid = h(
+        "div",
+        { role: "grid", class: "matrix-grid", "aria-label": "Errors by object and keypoint" },
+        ...rows,
+      );
+      Object.assign(grid.style, {
+        left: `${left}px`,
+        top: `${top}px`,
+        width: `${width}px`,
+        height: `${height}px`,
+      });
       fill(layer, grid);
-      at = { object: Math.min(at.object, cells.length - 1), keypoint: Math.min(at.keypoint, columns - 1) };
+      at = {
+        object: Math.min(at.object, cells.length - 1),
+        keypoint: Math.min(at.keypoint, columns - 1),
+      };
       const current = cells[at.object][at.keypoint];
       current.tabIndex = 0;
       if (focused) current.focus({ preventScroll: true });
@@ -65,7 +87,9 @@ export function matrixView(session) {
   });
 
   const cellOf = (/** @type {Event} */ event) =>
-    event.target instanceof HTMLElement && event.target.dataset.keypoint !== undefined ? event.target : null;
+    event.target instanceof HTMLElement && event.target.dataset.keypoint !== undefined
+      ? event.target
+      : null;
   const tell = (/** @type {Event} */ event) => {
     const cell = cellOf(event);
     const drawn = figure.drawing();
@@ -73,14 +97,18 @@ export function matrixView(session) {
     const { object, keypoint } = positionOf(cell);
     const [left, top, width, height] = drawn.plot;
     const x = left + ((keypoint + 0.5) * width) / cells[0].length;
-    figure.showTip(describe(session, object, keypoint), x, top + ((object + 1) * height) / cells.length);
+    figure.showTip(
+      describe(session, object, keypoint),
+      x,
+      top + ((object + 1) * height) / cells.length,
+    );
   };
   const choose = (/** @type {HTMLElement} */ cell) => {
     at = positionOf(cell);
-    const best = session.evaluation?.objects[at.object].best_keypoint;
+    const best = session.score.evaluation?.objects[at.object].best_keypoint;
     // Of a saved evaluation there is nothing else to show with another keypoint.
-    if (best === null || best === undefined || !session.scoring) return;
-    session.choose(at.object, at.keypoint === best ? null : at.keypoint);
+    if (best === null || best === undefined || !session.score.scoring) return;
+    session.score.choose(at.object, at.keypoint === best ? null : at.keypoint);
   };
   figure.layer.addEventListener("pointerover", tell);
   figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
@@ -113,19 +141,31 @@ export function matrixView(session) {
   const element = h(
     "section",
     { class: "panel", "aria-labelledby": "matrix-title" },
-    h("div", { class: "panel-head" }, h("h3", { id: "matrix-title" }, "Every keypoint for every object"), reset),
+    h(
+      "div",
+      { class: "panel-head" },
+      h("h3", { id: "matrix-title" }, "Every keypoint for every object"),
+      reset,
+    ),
     note,
     figure.element,
   );
   const update = () => {
-    const chosen = session.objects.filter((_, object) => session.isChosen(object));
+    const chosen = session.score.objects.filter((_, object) => session.score.isChosen(object));
     reset.hidden = chosen.length === 0;
     note.textContent =
       chosen.length === 0
-        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the threshold." +
-          (session.scoring ? " Choose a cell to see that keypoint in the frames and plots." : "")
+        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the " +
+          "threshold." +
+          (session.score.scoring
+            ? " Choose a cell to see that keypoint in the frames and plots."
+            : "")
         : `Shown in the frames and plots: ${chosen
-            .map((name) => `${name} with keypoint ${session.keypointOf(session.objects.indexOf(name))}`)
+            .map(
+              (name) =>
+                `${name} with keypoint ` +
+                `${session.score.keypointOf(session.score.objects.indexOf(name))}`,
+            )
             .join(", ")}. The score stays that of the best keypoints.`;
     figure.update();
   };
@@ -143,15 +183,17 @@ function positionOf(cell) {
  * @param {number} keypoint
  */
 function describe(session, object, keypoint) {
-  const result = session.evaluation?.objects[object];
-  const error = session.evaluation?.errors[object][keypoint];
+  const result = session.score.evaluation?.objects[object];
+  const error = session.score.evaluation?.errors[object][keypoint];
   if (!result) return "";
   const what = `${result.name}, keypoint ${keypoint}`;
   if (error === null || error === undefined) return `${what}: the object is never visible`;
   const notes = [
-    error <= result.threshold ? "up to the threshold" : `${significant(error / result.threshold)} × the threshold`,
+    error <= result.threshold
+      ? "up to the threshold"
+      : `${significant(error / result.threshold)} × the threshold`,
     keypoint === result.best_keypoint && "best",
-    session.keypointOf(object) === keypoint && "on display",
+    session.score.keypointOf(object) === keypoint && "on display",
   ];
   return `${what}: error ${significant(error)}, ${notes.filter(Boolean).join(", ")}`;
 }

@@ -1,9 +1,9 @@
 // @ts-check
 /** The frame on display: its image, its points, what the pointer is over. */
 
-import { h } from "../dom.js";
-import { baseName } from "../format.js";
-import { ImageCache } from "../image-cache.js";
+import { h } from "../ui/dom.js";
+import { baseName, fixed } from "../ui/format.js";
+import { ImageCache } from "../files/image-cache.js";
 import { gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
 import { paint, placing } from "./scene.js";
@@ -38,7 +38,12 @@ export function stage(session, look, onProblem) {
     schedule();
   });
   const decoded = h("canvas", { id: "reconstruction", class: "stage", role: "img" });
-  const reconstruction = h("figure", { class: "reconstruction", hidden: true }, decoded, h("figcaption", {}, "Reconstruction"));
+  const reconstruction = h(
+    "figure",
+    { class: "reconstruction", hidden: true },
+    decoded,
+    h("figcaption", {}, "Reconstruction"),
+  );
   const element = h("div", { class: "stage-row" }, canvas, reconstruction);
 
   let scheduled = false;
@@ -53,44 +58,49 @@ export function stage(session, look, onProblem) {
   };
 
   const keypointsOf = (/** @type {number} */ frame) => {
-    if (keypoints.frame !== frame) keypoints = { frame, points: session.keypointsAt(frame) };
+    if (keypoints.frame !== frame) keypoints = { frame, points: session.score.keypointsAt(frame) };
     return keypoints.points;
   };
 
   let ticket = 0;
   const draw = async () => {
-    const { frame, object } = session.selection;
+    const { frame, object } = session.score.selection;
     const mine = ++ticket;
-    const source = session.picture(frame);
+    const source = session.score.picture(frame);
     let image = source ? cache.peek(source) : null;
     if (source && image === undefined) {
       image = await cache.load(source);
       // Another frame was asked for meanwhile, or other files came.
       if (mine !== ticket) return;
     }
-    if (!session.scoring) return;
+    if (!session.score.scoring) return;
     const size = image ?? sizeOfPlate(session);
     canvas.style.aspectRatio = `${size.width} / ${size.height}`;
     canvas.style.maxWidth = `calc(75vh * ${size.width / size.height})`;
     const scale = window.devicePixelRatio;
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.round(side * scale));
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
+      Math.round(side * scale),
+    );
     if (width === 0 || height === 0) return;
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    if (canvas.width !== width || canvas.height !== height)
+      Object.assign(canvas, { width, height });
     const context = canvas.getContext("2d");
     if (!context) return;
-    const missing = source ? `${baseName(source.path)} cannot be shown by this browser` : "no image of this frame";
-    const start = session.sequenceOf(frame)?.start ?? frame;
+    const missing = source
+      ? `${baseName(source.path)} cannot be shown by this browser`
+      : "no image of this frame";
+    const start = session.score.sequenceOf(frame)?.start ?? frame;
     const heat = look.layers.has("heat") && image ? inside.heat(session, frame) : null;
     paint(context, scale, {
       image: image ?? null,
-      caption: image || !session.hasPictures ? "" : missing,
+      caption: image || !session.score.hasPictures ? "" : missing,
       view,
-      series: session.series(object),
+      series: session.score.series(object),
       start: Math.max(start, frame - look.trail),
       frame,
       layers: look.layers,
       keypoints: keypointsOf(frame),
-      keypoint: session.keypointOf(object),
+      keypoint: session.score.keypointOf(object),
       hovered,
       heat,
     });
@@ -112,7 +122,10 @@ export function stage(session, look, onProblem) {
     Object.assign(decoded, { width: image.width, height: image.height });
     decoded.style.aspectRatio = `${image.width} / ${image.height}`;
     decoded.getContext("2d")?.putImageData(image, 0, 0);
-    decoded.setAttribute("aria-label", `What the decoder makes of the keypoints of frame ${session.frameNumbers[frame]}`);
+    decoded.setAttribute(
+      "aria-label",
+      `What the decoder makes of the keypoints of frame ${session.score.frameNumbers[frame]}`,
+    );
   };
 
   // What the pointer is over
@@ -122,10 +135,13 @@ export function stage(session, look, onProblem) {
    * @returns {number | null} the nearest keypoint within reach
    */
   const under = ({ clientX, clientY }) => {
-    if (!session.scoring || !look.layers.has("keypoints")) return null;
+    if (!session.score.scoring || !look.layers.has("keypoints")) return null;
     const bounds = canvas.getBoundingClientRect();
-    const place = placing(/** @type {HTMLCanvasElement} */ ({ width: bounds.width, height: bounds.height }), view);
-    const points = keypointsOf(session.selection.frame);
+    const place = placing(
+      /** @type {HTMLCanvasElement} */ ({ width: bounds.width, height: bounds.height }),
+      view,
+    );
+    const points = keypointsOf(session.score.selection.frame);
     let nearest = null;
     let distance = REACH;
     for (let n = 0; 2 * n < points.length; n++) {
@@ -151,7 +167,7 @@ export function stage(session, look, onProblem) {
     },
     onClick: (event) => {
       const keypoint = under(event);
-      if (keypoint !== null) session.choose(session.selection.object, keypoint);
+      if (keypoint !== null) session.score.choose(session.score.selection.object, keypoint);
     },
   });
 
@@ -168,7 +184,7 @@ export function stage(session, look, onProblem) {
    * @param {number} frame
    */
   const prepare = (frame) => {
-    const source = session.picture(frame);
+    const source = session.score.picture(frame);
     if (source) void cache.load(source);
   };
 
@@ -179,19 +195,25 @@ export function stage(session, look, onProblem) {
 
 /** @param {Session} session */
 function sizeOfPlate(session) {
-  const [width, height] = session.imageSize ?? [1, 1];
+  const [width, height] = session.score.imageSize ?? [1, 1];
   return { width, height };
 }
 
 /** @param {Session} session */
 function describe(session) {
-  const { object, frame } = session.selection;
-  const series = session.series(object);
-  const where = `Frame ${session.frameNumbers[frame]} of sequence ${session.sequenceOf(frame)?.name}`;
+  const { object, frame } = session.score.selection;
+  const series = session.score.series(object);
+  const where =
+    `Frame ${session.score.frameNumbers[frame]} of sequence ` +
+    `${session.score.sequenceOf(frame)?.name}`;
   if (!series) return where;
   const point = (/** @type {Float64Array} */ points) => {
     const [x, y] = points.subarray(2 * frame, 2 * frame + 2);
-    return Number.isNaN(x) ? "not visible" : `at x ${x.toFixed(2)}, y ${y.toFixed(2)}`;
+    return Number.isNaN(x) ? "not visible" : `at x ${fixed(x)}, y ${fixed(y)}`;
   };
-  return `${where}: ${session.objects[object]} ${point(series.truth)}, keypoint ${session.keypointOf(object)} ${point(series.keypoint)}, transformed ${point(series.transformed)}`;
+  return (
+    `${where}: ${session.score.objects[object]} ${point(series.truth)}, keypoint ` +
+    `${session.score.keypointOf(object)} ${point(series.keypoint)}, transformed ` +
+    `${point(series.transformed)}`
+  );
 }

@@ -1,8 +1,8 @@
 // @ts-check
 /** Moving through the frames of a sequence: scrubber, playing, steps. */
 
-import { fill, h, icon } from "../dom.js";
-import { count, integer } from "../format.js";
+import { fill, h, icon } from "../ui/dom.js";
+import { count, integer } from "../ui/format.js";
 
 /** @typedef {import("../session.js").Session} Session */
 
@@ -20,12 +20,13 @@ const FAR = 10;
  * @param {() => void} onSetting
  */
 export function transport(session, prepare, settings, onSetting) {
-  const sequence = () => session.sequenceOf(session.selection.frame);
-  const index = () => session.selection.frame - (sequence()?.start ?? 0);
+  const sequence = () => session.score.sequenceOf(session.score.selection.frame);
+  const index = () => session.score.selection.frame - (sequence()?.start ?? 0);
   /** @param {number} to in the sequence on display */
   const goTo = (to) => {
     const range = sequence();
-    if (range) session.select({ frame: range.start + Math.min(Math.max(to, 0), range.length - 1) });
+    if (range)
+      session.score.select({ frame: range.start + Math.min(Math.max(to, 0), range.length - 1) });
   };
   /**
    * Goes to a frame that the user asks for; those that come next if the movement goes on are
@@ -47,9 +48,10 @@ export function transport(session, prepare, settings, onSetting) {
   /** @param {number} by sequences */
   const goToSequence = (by) => {
     const range = sequence();
-    const at = range ? session.sequences.indexOf(range) : 0;
-    const next = session.sequences[Math.min(Math.max(at + by, 0), session.sequences.length - 1)];
-    if (next && next !== range) session.select({ frame: next.start });
+    const at = range ? session.score.sequences.indexOf(range) : 0;
+    const next =
+      session.score.sequences[Math.min(Math.max(at + by, 0), session.score.sequences.length - 1)];
+    if (next && next !== range) session.score.select({ frame: next.start });
   };
 
   const scrubber = h("input", {
@@ -82,12 +84,31 @@ export function transport(session, prepare, settings, onSetting) {
     },
   });
   speed.setAttribute("list", "speeds");
-  const speeds = h("datalist", { id: "speeds" }, ...SPEED.suggested.map((fps) => h("option", { value: String(fps) })));
-  const play = h("button", { id: "play", type: "button", class: "button round", onclick: () => setPlaying(!playing) });
-  const stepButton = (/** @type {string} */ symbol, /** @type {string} */ label, /** @type {number} */ by) =>
+  const speeds = h(
+    "datalist",
+    { id: "speeds" },
+    ...SPEED.suggested.map((fps) => h("option", { value: String(fps) })),
+  );
+  const play = h("button", {
+    id: "play",
+    type: "button",
+    class: "button round",
+    onclick: () => setPlaying(!playing),
+  });
+  const stepButton = (
+    /** @type {string} */ symbol,
+    /** @type {string} */ label,
+    /** @type {number} */ by,
+  ) =>
     h(
       "button",
-      { type: "button", class: "button round", "aria-label": label, title: label, onclick: () => moveTo(index() + by) },
+      {
+        type: "button",
+        class: "button round",
+        "aria-label": label,
+        title: label,
+        onclick: () => moveTo(index() + by),
+      },
       icon(symbol),
     );
   const element = h(
@@ -103,13 +124,19 @@ export function transport(session, prepare, settings, onSetting) {
     scrubber,
     position,
   );
-  const speedField = h("label", { class: "field" }, speed, speeds, h("span", { "aria-hidden": "true" }, "frames/s"));
+  const speedField = h(
+    "label",
+    { class: "field" },
+    speed,
+    speeds,
+    h("span", { "aria-hidden": "true" }, "frames/s"),
+  );
 
   let playing = false;
   let due = 0;
   /** @param {boolean} next */
   const setPlaying = (next) => {
-    playing = next && session.scoring !== null;
+    playing = next && session.score.scoring !== null;
     fill(play, icon(playing ? "icon-pause" : "icon-play"));
     play.setAttribute("aria-label", playing ? "Pause" : "Play");
     play.title = playing ? "Pause (space)" : "Play (space)";
@@ -125,7 +152,10 @@ export function transport(session, prepare, settings, onSetting) {
       const interval = 1000 / settings.speed;
       // Faster than the display some frames are left out; after a longer hitch what was missed is
       // not made up for.
-      const steps = Math.min(1 + Math.floor((now - due) / interval), Math.max(1, Math.ceil(settings.speed / 10)));
+      const steps = Math.min(
+        1 + Math.floor((now - due) / interval),
+        Math.max(1, Math.ceil(settings.speed / 10)),
+      );
       due = Math.max(due + steps * interval, now);
       goTo((index() + steps) % range.length);
       for (let ahead = 1; ahead <= Math.min(AHEAD, range.length - 1); ahead++) {
@@ -154,12 +184,12 @@ export function transport(session, prepare, settings, onSetting) {
   };
 
   const update = () => {
-    const { frame } = session.selection;
+    const { frame } = session.score.selection;
     const range = sequence();
     if (!range) return;
     scrubber.max = String(range.length - 1);
     scrubber.value = String(index());
-    const number = session.frameNumbers[frame];
+    const number = session.score.frameNumbers[frame];
     position.textContent = `frame ${integer(number)}`;
     position.title = `${integer(index() + 1)} of ${count(range.length, "frame")}`;
     scrubber.setAttribute("aria-valuetext", `frame ${number}, ${index() + 1} of ${range.length}`);

@@ -71,7 +71,7 @@ fn metric(workspace: &Workspace) -> Result<()> {
     for _ in 0..ROUNDS {
         let mut numpy = run::command(&python);
         numpy.arg(peers.join("metric_numpy.py")).arg("--json");
-        // numpy's linear algebra takes all cores unless told otherwise.
+        // By default, numpy's linear algebra takes all cores.
         for threads in ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"] {
             numpy.env(threads, "1");
         }

@@ -70,28 +70,24 @@ enum Task {
         #[arg(long)]
         gpu: bool,
     },
-    /// Run every test: unit, doc, golden, command line, npm package, the GPU on Mesa's lavapipe,
-    /// sweeps on Slurm and GNU parallel, the recorder of PandaPush, the page in headless Chromium
-    /// and Firefox.
+    /// Run the tests of the crates, of the command line and of the npm package; on request others,
+    /// which install more or take longer.
     Test {
-        /// Leave out the tests of the page, which need Chromium, Firefox and their drivers.
+        /// Everything: also the page in headless Chromium and Firefox, ONNX Runtime, the recorder
+        /// of PandaPush, sweeps on Slurm and GNU parallel, the GPU on Mesa's lavapipe.
         #[arg(long)]
-        skip_page: bool,
-        /// Leave out the recorder of PandaPush, which needs Python and installs PyBullet.
-        #[arg(long)]
-        skip_recorder: bool,
-        /// Leave out the sweeps on Slurm and GNU parallel, which need Linux and root.
-        #[arg(long)]
-        skip_cluster: bool,
-        /// Leave out the GPU, which builds burn once more and needs Mesa's lavapipe.
-        #[arg(long)]
-        skip_gpu: bool,
-        /// Also extraction on WebGPU in the page, which builds burn once more, for wasm.
-        #[arg(long)]
-        page_gpu: bool,
+        all: bool,
+        /// Also this part; may be given several times.
+        #[arg(long, value_name = "PART")]
+        with: Vec<test::Part>,
     },
-    /// Check formatting, lints (native and wasm, every feature) and docs; warnings are errors.
-    Check,
+    /// Check formatting, the module graph, dependencies, lints (native and wasm, every feature) and
+    /// docs; warnings are errors.
+    Check {
+        /// Only this part of the checks.
+        #[arg(long, value_name = "PART")]
+        only: Option<check::Part>,
+    },
     /// Time a part of tracklens against its peer.
     Bench {
         subject: bench::Subject,
@@ -131,23 +127,13 @@ fn perform(task: Task) -> Result<()> {
             site::write(&workspace, &workspace.site(), gpu)?;
             serve::serve(&workspace.site(), port, open)
         }
-        Task::Test {
-            skip_page,
-            skip_recorder,
-            skip_cluster,
-            skip_gpu,
-            page_gpu,
-        } => test::run(
-            &workspace,
-            page_gpu,
-            &test::Skipped {
-                page: skip_page,
-                recorder: skip_recorder,
-                cluster: skip_cluster,
-                gpu: skip_gpu,
-            },
-        ),
-        Task::Check => check::run(&workspace),
+        Task::Test { all, mut with } => {
+            if all {
+                with.extend(test::Part::ALL);
+            }
+            test::run(&workspace, &with)
+        }
+        Task::Check { only } => check::run(&workspace, only),
         Task::Bench { subject, quick } => bench::run(&workspace, subject, quick),
         Task::Clean { all } => clean::run(&workspace, all),
     }

@@ -3,6 +3,8 @@
 use std::fs;
 use std::io::Write;
 use std::path::Path;
+use std::sync::OnceLock;
+use std::thread;
 
 use anyhow::{Context, Result, bail};
 use flate2::Compression;
@@ -13,7 +15,7 @@ use tempfile::TempDir;
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::run;
-use crate::setup::{NPM_LOCK, WasmOpt, page_libraries, wasm_opt, wasm_toolchain};
+use crate::setup::{NPM_LOCK, WasmOpt, WasmToolchain, page_libraries, wasm_opt, wasm_toolchain};
 use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes
@@ -62,7 +64,7 @@ pub const GPU: Part = Part {
 
 /// A WebAssembly module of the package.
 pub struct Part {
-    /// Of its files.
+    /// The base name of its files.
     name: &'static str,
     feature: &'static str,
     /// Cargo's profile.
@@ -130,55 +132,36 @@ const WASM_OPT: [&str; 8] = [
 /// Builds the parts of the package that are not up to date, with or without the one for GPUs, and
 /// prints their sizes.
 ///
+/// Cargo compiles the parts one by one. Meanwhile npm installs its tools, and the parts that are
+/// compiled are finished.
+///
 /// # Errors
 /// No toolchain for wasm, or the build fails. A missing wasm-opt is only reported.
 pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     let toolchain = wasm_toolchain(workspace)?;
-    let optimiser = match wasm_opt(workspace) {
-        Ok(optimiser) => Some(optimiser),
-        Err(error) => {
-            eprintln!(
-                "warning: the wasm file stays larger and slower than need be, without wasm-opt: {error:#}"
-            );
-            None
-        }
-    };
-    if let Err(error) = page_libraries(workspace) {
-        eprintln!("warning: the page will not read videos: {error:#}");
-    }
-    let package = workspace.package();
     let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
-    for part in parts() {
-        let mut cargo = toolchain.cargo("rustc");
-        // As a library for Rust too it would not be optimised as a whole.
-        cargo.arg("--crate-type=cdylib");
-        run::run(
-            cargo
-                .args(LIBRARY)
-                .arg(format!("--profile={}", part.profile))
-                .arg(format!("--features={}", part.feature))
-                .args(["--config", &part.opt_level()])
-                .current_dir(workspace.root()),
-        )?;
-        let compiled = toolchain
-            .folder(workspace)
-            .join(part.profile)
-            .join("tracklens.wasm");
-        // wasm-opt would take minutes for the large one.
-        let optimiser = optimiser.as_ref().filter(|_| part.profile != GPU.profile);
-        let stamp = Stamp::new(part, &compiled, optimiser.is_some())?;
-        let stamp_file = workspace.tools().join(format!("{}.stamp", part.name));
-        let last = fs::read_to_string(&stamp_file).ok();
-        if last.is_some() && last == stamp.complete(&package).ok() {
-            eprintln!("{} is up to date", package.join(part.wasm()).display());
-            continue;
+    let count = parts().count();
+    eprintln!("Building {count} parts of the page: minutes the first time, seconds from then on.");
+    let optimiser = OnceLock::new();
+    let optimiser = || optimiser.get_or_init(|| npm_tools(workspace)).as_ref();
+    thread::scope(|scope| {
+        scope.spawn(optimiser);
+        let mut under_way = Vec::new();
+        for (index, part) in parts().enumerate() {
+            eprintln!("Compiling part {} of {count}: {}", index + 1, part.name);
+            let compiled = compile(workspace, &toolchain, part)?;
+            under_way.push(scope.spawn(move || {
+                // wasm-opt would take minutes for the large one.
+                let optimiser = optimiser().filter(|_| part.profile != GPU.profile);
+                finish(workspace, part, compiled, optimiser)
+            }));
         }
-        generate(part, &compiled, optimiser, &package)?;
-        let stamp = stamp.complete(&package)?;
-        fs::create_dir_all(workspace.tools())
-            .and_then(|()| fs::write(&stamp_file, stamp))
-            .with_context(|| format!("cannot write {}", stamp_file.display()))?;
-    }
+        under_way.into_iter().try_for_each(|part| {
+            part.join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    })?;
+    let package = workspace.package();
     for part in parts() {
         let size = |file: String| -> Result<[usize; 2]> {
             let content = read(&package.join(file))?;
@@ -198,7 +181,61 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     Ok(())
 }
 
-/// The files of the built package that a browser loads: scripts and wasm, without node's entry
+/// wasm-opt, if npm can install it, and the libraries of the page.
+fn npm_tools(workspace: &Workspace) -> Option<WasmOpt> {
+    if let Err(error) = page_libraries(workspace) {
+        eprintln!("warning: the page will not read videos: {error:#}");
+    }
+    wasm_opt(workspace)
+        .inspect_err(|error| {
+            eprintln!(
+                "warning: without wasm-opt the wasm files are larger and slower than they could be: \
+                 {error:#}"
+            );
+        })
+        .ok()
+}
+
+/// The wasm file of a part as cargo leaves it.
+fn compile(workspace: &Workspace, toolchain: &WasmToolchain, part: &Part) -> Result<Vec<u8>> {
+    let mut cargo = toolchain.cargo("rustc");
+    // As a library for Rust too it would not be optimised as a whole.
+    cargo.arg("--crate-type=cdylib");
+    run::run(
+        cargo
+            .args(LIBRARY)
+            .arg(format!("--profile={}", part.profile))
+            .arg(format!("--features={}", part.feature))
+            .args(["--config", &part.opt_level()])
+            .current_dir(workspace.root()),
+    )?;
+    let folder = toolchain.folder(workspace).join(part.profile);
+    read(&folder.join("tracklens.wasm"))
+}
+
+/// Makes the files of a part, unless they are up to date.
+fn finish(
+    workspace: &Workspace,
+    part: &Part,
+    compiled: Vec<u8>,
+    optimiser: Option<&WasmOpt>,
+) -> Result<()> {
+    let package = workspace.package();
+    let stamp = Stamp::new(part, &compiled, optimiser.is_some());
+    let stamp_file = workspace.tools().join(format!("{}.stamp", part.name));
+    let last = fs::read_to_string(&stamp_file).ok();
+    if last.is_some() && last == stamp.complete(&package).ok() {
+        eprintln!("{} is up to date", package.join(part.wasm()).display());
+        return Ok(());
+    }
+    generate(part, compiled, optimiser, &package)?;
+    let stamp = stamp.complete(&package)?;
+    fs::create_dir_all(workspace.tools())
+        .and_then(|()| fs::write(&stamp_file, stamp))
+        .with_context(|| format!("cannot write {}", stamp_file.display()))
+}
+
+/// The files of the built package that a browser loads: scripts and wasm, without Node's entry
 /// point, with or without extraction on GPUs.
 ///
 /// # Errors
@@ -224,16 +261,16 @@ pub fn for_browsers(package: &Path, gpu: bool) -> Result<Vec<String>> {
 /// Makes the bindings and the optimised file in a temporary folder, then puts them into place.
 fn generate(
     part: &Part,
-    compiled: &Path,
+    compiled: Vec<u8>,
     optimiser: Option<&WasmOpt>,
     package: &Path,
 ) -> Result<()> {
     let temporary = TempDir::with_prefix_in(".build-", package)
         .with_context(|| format!("cannot make a folder in {}", package.display()))?;
     let folder = temporary.path();
-    eprintln!("wasm-bindgen {}", compiled.display());
+    eprintln!("wasm-bindgen {}", part.name);
     Bindgen::new()
-        .input_path(compiled)
+        .input_bytes(part.name, compiled)
         .out_name(part.name)
         .web(true)?
         .omit_default_module_path(false)
@@ -241,12 +278,7 @@ fn generate(
         .remove_name_section(true)
         .remove_producers_section(true)
         .generate(folder)
-        .with_context(|| {
-            format!(
-                "wasm-bindgen cannot make bindings for {}",
-                compiled.display()
-            )
-        })?;
+        .with_context(|| format!("wasm-bindgen cannot make bindings for {}", part.name))?;
     if folder.join("snippets").exists() {
         bail!(
             "the crate or a dependency brings JavaScript of its own (`inline_js` or `module`), \
@@ -281,14 +313,14 @@ struct Stamp<'a> {
 }
 
 impl<'a> Stamp<'a> {
-    fn new(part: &'a Part, compiled: &Path, optimised: bool) -> Result<Self> {
+    fn new(part: &'a Part, compiled: &[u8], optimised: bool) -> Self {
         let mut hash = Sha256::new();
-        hash.update(read(compiled)?);
+        hash.update(compiled);
         hash.update(include_bytes!("package.rs"));
         if optimised {
             hash.update(NPM_LOCK);
         }
-        Ok(Self { part, hash })
+        Self { part, hash }
     }
 
     fn complete(&self, package: &Path) -> Result<String> {

@@ -1,110 +1,148 @@
-//! `cargo xtask test`: every test there is.
+//! `cargo xtask test`: the tests.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
 
+use crate::check::GRAPH;
 use crate::steps::Steps;
 use crate::workspace::Workspace;
 use crate::{package, run, setup, site};
 
-const PAGE_TESTS: &str = "the page in browsers";
-const CLUSTER: &str = "sweeps on Slurm and GNU parallel";
-const RECORDER: &str = "recorder of PandaPush";
-const GPU: &str = "gpu on lavapipe";
-
-/// What to leave out.
-pub struct Skipped {
-    pub page: bool,
-    pub recorder: bool,
-    pub cluster: bool,
-    pub gpu: bool,
+/// What is tested on request, because it installs much or takes long.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum Part {
+    /// The page in headless Chromium and Firefox.
+    Page,
+    /// Exported encoders in ONNX Runtime.
+    Onnx,
+    /// The recorder of PandaPush, which installs PyBullet.
+    Recorder,
+    /// Sweeps on Slurm and GNU parallel, which need Linux and root.
+    Cluster,
+    /// The GPU, on Mesa's lavapipe; burn is built once more.
+    Gpu,
+    /// Extraction on WebGPU in the page; burn is built once more, for wasm. Not part of `--all`.
+    PageGpu,
 }
 
-/// Runs the tests; with `page_gpu` also those of the page on WebGPU.
+impl Part {
+    /// The parts of `--all`.
+    pub const ALL: [Self; 5] = [
+        Self::Page,
+        Self::Onnx,
+        Self::Recorder,
+        Self::Cluster,
+        Self::Gpu,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Page => "the page in browsers",
+            Self::Onnx => "exported encoders in ONNX Runtime",
+            Self::Recorder => "recorder of PandaPush",
+            Self::Cluster => "sweeps on Slurm and GNU parallel",
+            Self::Gpu => "GPU on lavapipe",
+            Self::PageGpu => "the page in browsers, with WebGPU",
+        }
+    }
+}
+
+/// Runs the tests of the crates, the command line and the npm package, and the parts asked for.
 ///
 /// # Errors
 /// A test fails, or what it needs cannot be installed.
-pub fn run(workspace: &Workspace, page_gpu: bool, skipped: &Skipped) -> Result<()> {
+pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
     let mut steps = Steps::new();
-    let browsers = if skipped.page {
-        None
-    } else {
-        steps.run("set-up: Chromium, Firefox, axe", || {
-            Ok((setup::browsers(workspace)?, setup::axe(workspace)?))
-        })
-    };
-    let package = steps.run("wasm package", || package::build(workspace, page_gpu));
-    let site = package.and_then(|()| {
-        steps.run("site", || {
-            site::write(workspace, &workspace.site(), page_gpu)
-        })
-    });
+    let wanted = |part| parts.contains(&part);
+    let page_gpu = wanted(Part::PageGpu);
 
-    steps.run("xtask", || cargo_test(workspace, &["--package=xtask"]));
+    steps.run("xtask", || {
+        cargo_test(workspace, &["--profile=tool", "--package=xtask"])?;
+        cargo_test(workspace, &["--profile=tool", "--package", GRAPH])
+    });
     steps.run("metric alone", || {
-        cargo_test(workspace, &["--package=tracklens", "--no-default-features"])
+        cargo_test(
+            workspace,
+            &["--release", "--package=tracklens", "--no-default-features"],
+        )
     });
     steps.run("library and command line", || {
-        cargo_test(workspace, &["--package=tracklens"])
+        cargo_test(workspace, &["--release", "--package=tracklens"])
     });
-    steps.run("exported encoders in onnxruntime", || onnx_tests(workspace));
-
-    if skipped.cluster {
-        steps.skipped(CLUSTER);
-    } else if steps
-        .run("set-up: Slurm and GNU parallel", setup::cluster)
-        .is_some()
-    {
-        steps.run(CLUSTER, || cluster_tests(workspace));
-    } else {
-        steps.blocked(CLUSTER);
-    }
-    if skipped.gpu {
-        steps.skipped(GPU);
-    } else if let Some(driver) = steps.run("set-up: lavapipe", setup::lavapipe) {
-        steps.run(GPU, || gpu_tests(workspace, driver.as_deref()));
-    } else {
-        steps.blocked(GPU);
-    }
-
-    if skipped.recorder {
-        steps.skipped(RECORDER);
-    } else if let Some(python) = steps.run("set-up: PyBullet", || recorder_python(workspace)) {
-        steps.run(RECORDER, || recorder_tests(workspace, &python));
-    } else {
-        steps.blocked(RECORDER);
-    }
-
     let npm = "npm package under node";
+    let package = steps.run("wasm package", || package::build(workspace, page_gpu));
     if package.is_some() {
         steps.run(npm, || npm_tests(workspace));
     } else {
         steps.blocked(npm);
     }
-    if skipped.page {
-        steps.skipped(PAGE_TESTS);
-    } else if let Some(((geckodriver, axe), ())) = browsers.zip(site) {
-        steps.run(PAGE_TESTS, || page_tests(workspace, &geckodriver, &axe));
-    } else {
-        steps.blocked(PAGE_TESTS);
+
+    for part in Part::ALL {
+        if !wanted(part) && !(part == Part::Page && page_gpu) {
+            steps.skipped(part.name());
+            continue;
+        }
+        match part {
+            Part::Page | Part::PageGpu => {
+                let part = if page_gpu { Part::PageGpu } else { part };
+                let tools = steps.run("set-up: Chromium, Firefox, axe", || {
+                    Ok((setup::browsers(workspace)?, setup::axe(workspace)?))
+                });
+                let site = package.and_then(|()| {
+                    steps.run("site", || {
+                        site::write(workspace, &workspace.site(), page_gpu)
+                    })
+                });
+                if let Some(((geckodriver, axe), ())) = tools.zip(site) {
+                    steps.run(part.name(), || page_tests(workspace, &geckodriver, &axe));
+                } else {
+                    steps.blocked(part.name());
+                }
+            }
+            Part::Onnx => drop(steps.run(part.name(), || onnx_tests(workspace))),
+            Part::Recorder => {
+                if let Some(python) = steps.run("set-up: PyBullet", || recorder_python(workspace)) {
+                    steps.run(part.name(), || recorder_tests(workspace, &python));
+                } else {
+                    steps.blocked(part.name());
+                }
+            }
+            Part::Cluster => {
+                if steps
+                    .run("set-up: Slurm and GNU parallel", setup::cluster)
+                    .is_some()
+                {
+                    steps.run(part.name(), || cluster_tests(workspace));
+                } else {
+                    steps.blocked(part.name());
+                }
+            }
+            Part::Gpu => {
+                if let Some(driver) = steps.run("set-up: lavapipe", setup::lavapipe) {
+                    steps.run(part.name(), || gpu_tests(workspace, driver.as_deref()));
+                } else {
+                    steps.blocked(part.name());
+                }
+            }
+        }
     }
     steps.finish()
 }
 
 fn cargo_test(workspace: &Workspace, arguments: &[&str]) -> Result<()> {
     let mut cargo = run::cargo();
-    cargo
-        .args(["test", "--release", "--no-fail-fast"])
-        .args(arguments);
+    cargo.args(["test", "--no-fail-fast"]).args(arguments);
     run::run(cargo.current_dir(workspace.root()))
 }
 
 fn cluster_tests(workspace: &Workspace) -> Result<()> {
     let mut cargo = run::cargo();
     cargo
-        .args(["test", "--release", "--package=tracklens", "--test=sweep"])
+        .args(["test", "--release", "--package=tracklens"])
+        .args(["--test=terminal", "sweep::"])
         .env("TRACKLENS_CLUSTER", "1");
     run::run(cargo.current_dir(workspace.root()))
 }
@@ -135,12 +173,8 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     run::run(&mut record)?;
     let mut cargo = run::cargo();
     cargo
-        .args([
-            "test",
-            "--release",
-            "--package=tracklens",
-            "--test=recorder",
-        ])
+        .args(["test", "--release", "--package=tracklens"])
+        .args(["--test=terminal", "recorder::"])
         .env("TRACKLENS_RECORDED", &recording);
     run::run(cargo.current_dir(workspace.root()))?;
     // The tests have built the binary.
@@ -156,7 +190,7 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     run::run(&mut curriculum)
 }
 
-/// Builds burn a second time, with its wgpu backend, beside the build that everything else uses.
+/// Builds burn a second time, with its wgpu backend, next to the build that everything else uses.
 fn gpu_tests(workspace: &Workspace, driver: Option<&Path>) -> Result<()> {
     let mut cargo = run::cargo();
     cargo.args([
@@ -165,7 +199,8 @@ fn gpu_tests(workspace: &Workspace, driver: Option<&Path>) -> Result<()> {
         "--no-fail-fast",
         "--package=tracklens",
         "--features=gpu",
-        "--test=gpu",
+        "--test=training",
+        "gpu::",
     ]);
     // The second name is what loaders before 1.3.207 know.
     for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
@@ -194,7 +229,7 @@ fn build_binary(workspace: &Workspace) -> Result<()> {
     run::run(build.current_dir(workspace.root()))
 }
 
-/// The files are named one by one: what node makes of a folder changed between its versions.
+/// The files are named one by one, since node's treatment of a folder changed between versions.
 fn npm_tests(workspace: &Workspace) -> Result<()> {
     let folder = workspace.root().join("tests/npm");
     let entries =

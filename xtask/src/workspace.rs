@@ -18,10 +18,10 @@ impl Workspace {
     pub fn locate() -> Result<Self> {
         let json = run::output(run::cargo().args(["metadata", "--no-deps", "--format-version=1"]))?;
         let metadata: Value =
-            serde_json::from_str(&json).context("cargo metadata printed no JSON")?;
+            serde_json::from_str(&json).context("the output of cargo metadata is not JSON")?;
         let folder = |key: &str| {
             let path = metadata[key].as_str().map(PathBuf::from);
-            path.with_context(|| format!("cargo metadata names no {key}"))
+            path.with_context(|| format!("cargo metadata reports no {key}"))
         };
         Ok(Self {
             root: folder("workspace_root")?,
@@ -58,7 +58,7 @@ impl Workspace {
         self.root.join("web")
     }
 
-    /// Where the site is put unless told otherwise.
+    /// Where the site is put by default.
     pub fn site(&self) -> PathBuf {
         self.target.join("site")
     }

@@ -1,5 +1,6 @@
 //! Files and folders: everything that knows paths.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
@@ -7,50 +8,26 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::hints::hint;
 use crate::checkpoint::Checkpoint;
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPZ_MAGIC, Recording, Space, Table,
-    TableOptions, parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
-    read_hdf5_ground_truth,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Notice, Recording, Space, Table,
+    TableOptions, ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
+    parse_npz_keypoints, read_hdf5_ground_truth,
 };
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, without_controls};
 use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
 
-/// The path of a page that is to be written.
-pub(super) fn parse_html_path(text: &str) -> Result<PathBuf> {
-    with_ending(text, &["html", "htm"])
-}
+/// Files and folders left out that are named one by one.
+const SHOWN: usize = 10;
 
-/// The path of an ONNX model that is to be written.
-pub(super) fn parse_onnx_path(text: &str) -> Result<PathBuf> {
-    with_ending(text, &["onnx"])
-}
-
-/// A path whose ending says the format that is written.
-fn with_ending(text: &str, endings: &[&str]) -> Result<PathBuf> {
-    let path = PathBuf::from(text);
-    let ending = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
-    if endings.contains(&ending.as_str()) {
-        return Ok(path);
-    }
-    let what = match ending.as_str() {
-        "" => "has no ending".to_owned(),
-        ending => format!("ends in .{ending}"),
-    };
-    Err(Error::input(format!(
-        "`{text}` {what}, and the format that is written is another one; expected a name that ends in .{}",
-        endings.join(" or .")
-    )))
-}
+/// The most bytes that are read of what is not a regular file, whose size is not known before.
+const MAX_STREAM: u64 = 1 << 30;
 
 /// Whether both are the same file; a file that is not there yet is none.
 pub(super) fn is_same(a: &Path, b: &Path) -> bool {
@@ -76,7 +53,7 @@ pub(super) struct TruthArguments {
     index_base: Option<u64>,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
-    #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::score::parse_size)]
+    #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::values::parse_size)]
     pub image_size: Option<[u32; 2]>,
 }
 
@@ -179,11 +156,17 @@ impl TruthArguments {
             let ignored = folder.ignored();
             if let Some(first) = ignored.first() {
                 let more = if ignored.len() > 1 { ", …" } else { "" };
-                eprintln!(
-                    "note: {} file(s) that are no images are left out: {}{more}",
+                note(&format!(
+                    "left out {} file(s) that are not images: {}{more}",
                     ignored.len(),
                     first.display()
-                );
+                ));
+            }
+            for (path, why) in folder.skipped.iter().take(SHOWN) {
+                note(&format!("left out {}: {why}", path.display()));
+            }
+            if let Some(more) = folder.skipped.len().checked_sub(SHOWN).filter(|n| *n > 0) {
+                note(&format!("left out {more} more"));
             }
             return Ok(Arc::new(folder));
         }
@@ -221,8 +204,12 @@ impl FrameSource for Placed {
         self.recording.truth()
     }
 
-    fn notices(&self) -> &[String] {
+    fn notices(&self) -> &[Notice] {
         self.recording.notices()
+    }
+
+    fn verify(&self) -> Result<()> {
+        self.recording.verify().map_err(|e| e.at(&self.place))
     }
 
     fn has_floats(&self) -> bool {
@@ -245,7 +232,7 @@ impl Format {
             .read_to_end(&mut head)
             .map_err(|e| Error::io(path.display(), &e))?;
         Ok(match head {
-            _ if head.starts_with(NPZ_MAGIC) => Self::Npz,
+            _ if head.starts_with(ZIP_MAGIC) => Self::Npz,
             _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
             _ => Self::Other,
         })
@@ -256,6 +243,8 @@ impl Format {
 struct Folder {
     index: FrameIndex,
     paths: Vec<PathBuf>,
+    /// What could not be searched or read, and why.
+    skipped: Vec<(PathBuf, String)>,
 }
 
 impl FrameSource for Folder {
@@ -272,17 +261,23 @@ impl FrameSource for Folder {
 impl Folder {
     /// Finds the frames below `folder`: one folder a sequence, or the images of the folder itself.
     fn open(folder: &Path) -> Result<Self> {
-        let mut paths = Vec::new();
-        walk(folder, DEPTH, &mut paths)?;
+        let mut walk = Walk::default();
+        walk.visit(folder, DEPTH)
+            .map_err(|e| Error::io(folder.display(), &e))?;
+        let Walk {
+            files: paths,
+            skipped,
+            ..
+        } = walk;
         // With the folder's own name: images that lie in it directly are the sequence of that name.
         let own = folder
             .canonicalize()
             .map_err(|e| Error::io(folder.display(), &e))?;
-        let own = own
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        // The root of a file system has no name.
+        let own = own.file_name().map_or_else(
+            || "root".to_owned(),
+            |name| name.to_string_lossy().into_owned(),
+        );
         let relative = |path: &PathBuf| {
             let below = path.strip_prefix(folder).unwrap_or(path);
             let parts = below.iter().map(|part| part.to_string_lossy().into_owned());
@@ -293,7 +288,11 @@ impl Folder {
         };
         let names: Vec<String> = paths.iter().map(relative).collect();
         let index = FrameIndex::new(&names).map_err(|e| e.at(folder.display()))?;
-        Ok(Self { index, paths })
+        Ok(Self {
+            index,
+            paths,
+            skipped,
+        })
     }
 
     /// The files that are neither images nor the ground truth.
@@ -309,30 +308,83 @@ impl Folder {
     }
 }
 
-fn walk(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<()> {
-    let failed = |e: std::io::Error| Error::io(folder.display(), &e);
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let path = entry.path();
-        // Follows links, so that a data set may be linked together.
-        let is_folder = std::fs::metadata(&path)
-            .map_err(|e| Error::io(path.display(), &e))?
-            .is_dir();
-        if !is_folder {
-            out.push(path);
-        } else if depth > 0 {
-            walk(&path, depth - 1, out)?;
+/// What lies in a folder and below it.
+#[derive(Default)]
+struct Walk {
+    files: Vec<PathBuf>,
+    /// What is left out, and why.
+    skipped: Vec<(PathBuf, String)>,
+    /// Folders that were visited, by the place that links lead to.
+    visited: HashSet<PathBuf>,
+}
+
+impl Walk {
+    /// Visits `folder` and the folders below it, each once. Follows links, so that a data set may be
+    /// linked together, after everything else in a folder, so that a folder keeps its own name.
+    fn visit(&mut self, folder: &Path, depth: usize) -> std::io::Result<()> {
+        self.visited.insert(folder.canonicalize()?);
+        let mut paths = std::fs::read_dir(folder)?
+            .map(|entry| Ok(entry?.path()))
+            .collect::<std::io::Result<Vec<PathBuf>>>()?;
+        paths.sort_by_cached_key(|path| (path.is_symlink(), path.clone()));
+        for path in paths {
+            if let Err(why) = self.take(&path, depth) {
+                self.skipped.push((path, why));
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, path: &Path, depth: usize) -> Result<(), String> {
+        let failed = |e: std::io::Error| match path.is_symlink() && !path.exists() {
+            true => "a link to nothing".to_owned(),
+            false => e.to_string(),
+        };
+        let found = std::fs::metadata(path).map_err(failed)?;
+        if found.is_file() {
+            self.files.push(path.to_owned());
+            return Ok(());
+        }
+        if !found.is_dir() {
+            return Err("not a regular file".to_owned());
+        }
+        if self.visited.contains(&path.canonicalize().map_err(failed)?) {
+            return Err("a folder that is in the data set already".to_owned());
+        }
+        match depth {
+            0 => Err(format!("more than {DEPTH} folders deep")),
+            _ => self.visit(path, depth - 1).map_err(failed),
         }
     }
-    Ok(())
 }
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |e: std::io::Error| Error::io(path.display(), &e);
-    let bytes = std::fs::metadata(path).map_err(failed)?.len();
-    memory::check(bytes, "file", "close other programs, or use a smaller file")
+    let found = std::fs::metadata(path).map_err(failed)?;
+    if found.is_file() {
+        memory::check(
+            found.len(),
+            "file",
+            "close other programs, or use a smaller file",
+        )
         .map_err(|e| e.at(path.display()))?;
-    std::fs::read(path).map_err(failed)
+        return std::fs::read(path).map_err(failed);
+    }
+    // A pipe, such as a shell makes of another program's output; a device may have no end.
+    let mut bytes = Vec::new();
+    let stream = File::open(path).map_err(failed)?;
+    stream
+        .take(MAX_STREAM + 1)
+        .read_to_end(&mut bytes)
+        .map_err(failed)?;
+    match bytes.len() as u64 > MAX_STREAM {
+        true => Err(Error::input(format!(
+            "not a regular file, and more than {} MiB came from it; expected a file",
+            MAX_STREAM >> 20
+        ))
+        .at(path.display())),
+        false => Ok(bytes),
+    }
 }
 
 fn open(path: &Path) -> Result<File> {
@@ -360,7 +412,7 @@ pub(super) fn read_keypoints(
         axes: reading.axes.or(arguments.axis_order),
         image_size: arguments.image_size,
     };
-    let table = match bytes.starts_with(NPZ_MAGIC) {
+    let table = match bytes.starts_with(ZIP_MAGIC) {
         true => parse_npz_keypoints(&bytes, &name, &options)?,
         false => parse_keypoints(&bytes, &name, &options)?,
     };
@@ -376,8 +428,15 @@ fn told<T>(table: Table<T>, path: &Path) -> T {
     table.content
 }
 
-fn tell(path: &Path, notices: &[String]) {
+fn tell(path: &Path, notices: &[Notice]) {
     for notice in notices {
-        eprintln!("note: {}: {notice}", path.display());
+        let hint = notice.reason.as_ref().and_then(hint);
+        let hint = hint.map(|hint| format!("; {hint}")).unwrap_or_default();
+        note(&format!("{}: {notice}{hint}", path.display()));
     }
+}
+
+/// Writes a note to standard error; names in it must not give orders to the terminal.
+fn note(text: &str) {
+    eprintln!("note: {}", without_controls(text));
 }

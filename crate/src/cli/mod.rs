@@ -9,8 +9,7 @@ mod data;
 mod device;
 mod extract;
 mod files;
-#[cfg(feature = "gpu")]
-mod gpu;
+mod hints;
 mod outcome;
 mod painter;
 mod report;
@@ -20,6 +19,7 @@ mod sweep;
 #[cfg(feature = "train")]
 mod train;
 mod trajectories;
+mod values;
 
 use std::process::ExitCode;
 
@@ -89,6 +89,9 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("tracklens: {error}");
+            if let Some(hint) = error.reason().and_then(hints::hint) {
+                eprintln!("hint: {hint}");
+            }
             ExitCode::from(exit_code(&error))
         }
     }

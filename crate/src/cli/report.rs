@@ -13,6 +13,7 @@ use super::score::ThresholdArguments;
 use super::trajectories;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
+use crate::report::draw::Figure;
 use crate::report::runs::{
     Grouping, Reference, Run, Runs, RunsReport, Unread, errors_csv, runs_csv, runs_figures,
     runs_latex, runs_markdown, runs_page,
@@ -62,43 +63,11 @@ pub(super) struct ReportArguments {
 }
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
-    let mut search = Search::default();
-    for path in &arguments.runs {
-        if !path.is_dir() {
-            return Err(Error::new(
-                ErrorKind::Io,
-                "not a folder; expected a run folder, or one that holds run folders",
-            )
-            .at(path.display()));
-        }
-        let name = path.to_string_lossy();
-        search.list(path, name.trim_end_matches('/'), DEPTH);
-    }
     // Before the long work.
     let thresholds = arguments.thresholds.parse()?;
-    let reference = arguments
-        .reference
-        .as_deref()
-        .map(read_reference)
-        .transpose()?;
-    let mut runs = Vec::new();
-    for found in find_runs(search.names.iter().map(String::as_str)).runs {
-        match search.read(&found) {
-            Ok(run) => runs.push(Arc::new(run)),
-            Err(why) => search.unread.push(why),
-        }
-    }
-    let unread = search.unread;
-    if runs.is_empty()
-        && let Some(first) = unread.first()
-    {
-        return Err(Error::numeric(format!(
-            "none of the {} runs can be read ({}: {})",
-            unread.len(),
-            first.name,
-            first.reason
-        )));
-    }
+    let reference = arguments.reference.as_deref().map(read_reference);
+    let reference = reference.transpose()?;
+    let (runs, unread) = read_runs(&arguments.runs)?;
     let runs = Runs::new(runs, &thresholds, &arguments.group_by)?;
     let mut report = RunsReport::new(&runs, unread, arguments.resamples, arguments.seed)?;
     if let Some(reference) = &reference {
@@ -120,57 +89,89 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
             &arguments.sequences,
         )?);
     }
-
-    // Everything is made before anything is written, and the page that shows it all is written
-    // last.
-    let painter = Painter::new();
-    let mut written: Vec<(String, Vec<u8>)> = Vec::new();
-    for figure in &figures {
-        written.push((format!("{}.png", figure.name), painter.png(&figure.svg)?));
-        written.push((
-            format!("{}.svg", figure.name),
-            figure.svg.clone().into_bytes(),
-        ));
-    }
-    let json = serde_json::to_vec_pretty(&report).map_err(|e| Error::input(e.to_string()))?;
-    written.extend([
-        ("runs.csv".to_owned(), runs_csv(&report).into_bytes()),
-        ("errors.csv".to_owned(), errors_csv(&report).into_bytes()),
-        (
-            "report.md".to_owned(),
-            runs_markdown(&report, &figures).into_bytes(),
-        ),
-        ("tables.tex".to_owned(), runs_latex(&report).into_bytes()),
-        ("report.json".to_owned(), json),
-        (
-            "report.html".to_owned(),
-            runs_page(&report, &figures).into_bytes(),
-        ),
-    ]);
     let out = &arguments.out;
+    let files = files_of(&report, &figures)?;
     fs::create_dir_all(out).map_err(|e| Error::io(out.display(), &e))?;
-    for (name, bytes) in &written {
+    for (name, bytes) in &files {
         atomic::write(&out.join(name), bytes)?;
     }
+    summarize(&report, out);
+    Ok(())
+}
+
+/// The runs below `folders`, and those that cannot be read.
+fn read_runs(folders: &[PathBuf]) -> Result<(Vec<Arc<Run>>, Vec<Unread>)> {
+    let mut search = Search::default();
+    for path in folders {
+        if !path.is_dir() {
+            return Err(Error::new(
+                ErrorKind::Io,
+                "not a folder; expected a run folder, or one that holds run folders",
+            )
+            .at(path.display()));
+        }
+        let name = path.to_string_lossy();
+        search.list(path, name.trim_end_matches('/'), DEPTH);
+    }
+    let mut runs = Vec::new();
+    for found in find_runs(search.names.iter().map(String::as_str)).runs {
+        match search.read(&found) {
+            Ok(run) => runs.push(Arc::new(run)),
+            Err(why) => search.unread.push(why),
+        }
+    }
+    match &search.unread[..] {
+        [first, ..] if runs.is_empty() => Err(Error::numeric(format!(
+            "none of the {} runs can be read ({}: {})",
+            search.unread.len(),
+            first.name,
+            first.reason
+        ))),
+        _ => Ok((runs, search.unread)),
+    }
+}
+
+/// The files of the report by name, the page that shows everything last.
+fn files_of(report: &RunsReport, figures: &[Figure]) -> Result<Vec<(String, Vec<u8>)>> {
+    let painter = Painter::new();
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+    for figure in figures {
+        let name = &figure.name;
+        files.push((format!("{name}.png"), painter.png(&figure.svg)?));
+        files.push((format!("{name}.svg"), figure.svg.clone().into_bytes()));
+    }
+    let json = serde_json::to_string_pretty(report).map_err(|e| Error::input(e.to_string()))?;
+    let documents = [
+        ("runs.csv", runs_csv(report)),
+        ("errors.csv", errors_csv(report)),
+        ("report.md", runs_markdown(report, figures)),
+        ("tables.tex", runs_latex(report)),
+        ("report.json", json),
+        ("report.html", runs_page(report, figures)),
+    ];
+    let documents = documents.map(|(name, text)| (name.to_owned(), text.into_bytes()));
+    files.extend(documents);
+    Ok(files)
+}
+
+/// Prints what does not count, cautions, and where the report is.
+fn summarize(report: &RunsReport, out: &Path) {
     for (name, reason) in report.not_counted() {
         eprintln!("warning: {name}: {reason}; it does not count");
     }
     for note in &report.notes {
         eprintln!("warning: {note}");
     }
-    let more = report.not_counted().count();
+    let more = match report.not_counted().count() {
+        0 => String::new(),
+        more => format!(", {more} more that do not count"),
+    };
     eprintln!(
-        "{} complete runs in {} groups{}; report written to {}",
+        "{} complete runs in {} groups{more}; report written to {}",
         report.complete(),
         report.groups.len(),
-        if more > 0 {
-            format!(", {more} more that do not count")
-        } else {
-            String::new()
-        },
         out.join("report.html").display()
     );
-    Ok(())
 }
 
 /// The files below the folders that are searched for runs.

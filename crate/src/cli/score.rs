@@ -9,6 +9,7 @@ use super::files::{self, KeypointsReading, TruthArguments};
 use super::outcome;
 use super::painter::Painter;
 use super::terminal::own_command;
+use super::values::parse_html_path;
 use crate::atomic;
 use crate::command_line;
 use crate::data::{AxisOrder, Space};
@@ -85,7 +86,7 @@ pub(super) struct ScoringArguments {
     #[arg(long)]
     strict: bool,
     /// Also write everything as one HTML file
-    #[arg(long, value_name = "FILE.html", value_parser = files::parse_html_path)]
+    #[arg(long, value_name = "FILE.html", value_parser = parse_html_path)]
     report: Option<PathBuf>,
     /// Also write every figure into this folder, as SVG and PNG
     #[arg(long, value_name = "DIR")]
@@ -111,19 +112,6 @@ impl ThresholdArguments {
     pub fn parse(&self) -> Result<Thresholds> {
         Thresholds::new(self.thresholds.iter().cloned())
     }
-}
-
-pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    sides
-        .filter(|sides: &[u32; 2]| sides.iter().all(|s| *s > 0))
-        .ok_or_else(|| {
-            Error::input(format!(
-                "`{text}` is not a size; expected WIDTHxHEIGHT, e.g. 256x256"
-            ))
-        })
 }
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {

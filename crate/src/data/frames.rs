@@ -2,14 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::table::natural;
+use serde::Serialize;
+
+use super::names::{cleaned, is_image, natural, numbers, original, stem};
 use crate::error::{Error, Result};
 use crate::track::FrameKey;
 
-const IMAGE_ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
-
 /// A run of consecutive frames of one sequence.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SequenceRange {
     /// The name of the sequence.
     pub name: String,
@@ -80,8 +80,8 @@ impl FrameIndex {
         for (folder, mut files) in folders {
             let sequence = match folder {
                 "" => "images".to_owned(),
-                _ if short => last(folder),
-                _ => folder.to_owned(),
+                _ if short => cleaned(&last(folder)).into_owned(),
+                _ => cleaned(folder).into_owned(),
             };
             files.sort_by(|(_, a), (_, b)| natural(a, b));
             let names: Vec<&str> = files.iter().map(|(_, file)| *file).collect();
@@ -213,43 +213,4 @@ fn frame_numbers(files: &[&str]) -> Result<Vec<u64>> {
     Err(Error::input(
         "the numbers in the file names do not tell the frames apart; rename them to 0, 1, 2, …",
     ))
-}
-
-/// Every run of digits in `text` that is a number.
-fn numbers(text: &str) -> Vec<u64> {
-    text.split(|c: char| !c.is_ascii_digit())
-        .filter_map(|digits| digits.parse().ok())
-        .collect()
-}
-
-/// The last run of digits in `text`, if it is a number.
-pub(super) fn last_number(text: &str) -> Option<u64> {
-    numbers(text).last().copied()
-}
-
-/// Whether a path is one that people did not put there themselves, e.g. `.DS_Store`.
-pub(super) fn is_hidden(path: &str) -> bool {
-    let file = path.rsplit('/').next().unwrap_or_default();
-    file.starts_with('.') || path.split('/').any(|part| part == "__MACOSX")
-}
-
-pub(super) fn is_image(path: &str) -> bool {
-    let file = path.rsplit('/').next().unwrap_or_default();
-    let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
-    !is_hidden(path) && ending.is_some_and(|e| IMAGE_ENDINGS.contains(&e.as_str()))
-}
-
-/// A file name without the ` (1)` of a copy.
-fn original(stem: &str) -> &str {
-    let Some((original, number)) = stem.strip_suffix(')').and_then(|s| s.rsplit_once(" (")) else {
-        return stem;
-    };
-    match !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) {
-        true => original,
-        false => stem,
-    }
-}
-
-fn stem(file: &str) -> &str {
-    file.rsplit_once('.').map_or(file, |(stem, _)| stem)
 }

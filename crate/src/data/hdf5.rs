@@ -6,8 +6,10 @@ use std::sync::Arc;
 use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
 use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 
-use super::recording::{self, ArrayFile, ArrayInfo, AxisOrder, Kind, Recording, Values};
-use super::table::{Table, TableOptions};
+use super::arrays::{ArrayFile, ArrayInfo, Kind, Values};
+use super::points;
+use super::reading::{AxisOrder, Table, TableOptions};
+use super::recording::Recording;
 use crate::error::{Error, Result};
 use crate::track::GroundTruth;
 
@@ -61,7 +63,7 @@ impl Recording {
 /// As [`Recording::from_hdf5_bytes`].
 pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Table<GroundTruth>> {
     let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
-    recording::ground_truth(&Hdf5::open(Arc::new(storage))?, options)
+    points::ground_truth(&Hdf5::open(Arc::new(storage))?, options)
 }
 
 struct Hdf5 {

@@ -1,13 +1,11 @@
-//! Encoded images to pixels.
+//! Frames: the pixels of images.
 
 use std::borrow::Cow;
-use std::io::Cursor;
 
 use ::image::codecs::png::PngEncoder;
-use ::image::{
-    ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageFormat, ImageReader, Limits,
-};
+use ::image::{ExtendedColorType, ImageEncoder as _};
 
+use super::npy;
 use super::resize::{Filter, resize_planar};
 use crate::error::{Error, Result};
 
@@ -89,66 +87,6 @@ impl Frame {
         })
     }
 
-    /// Decodes a PNG image, or with the feature `jpeg-webp` a JPEG or WebP image, recognised by its
-    /// content. Grey becomes RGB, transparency is dropped, 16 bits become 8. A numpy array (`.npy`,
-    /// `[H, W, 3]` or `[3, H, W]`), as recordings hold them, is a frame too.
-    ///
-    /// # Errors
-    /// When the bytes are no such image or are cut short, and when a side is not within
-    /// [`MIN_SIDE`] to [`MAX_SIDE`].
-    pub fn decode(bytes: &[u8]) -> Result<Self> {
-        if bytes.starts_with(super::npz::MAGIC) {
-            return super::npz::decode_frame(bytes);
-        }
-        let reader = ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|e| Error::input(format!("not an image: {e}")))?;
-        if reader.format().is_none() {
-            return Err(Error::input(format!(
-                "not a PNG, JPEG or WebP image ({} bytes)",
-                bytes.len()
-            )));
-        }
-        let format = reader.format();
-        if format == Some(ImageFormat::Jpeg) && !is_whole_jpeg(bytes) {
-            return Err(Error::input(format!(
-                "the JPEG image ends before its end marker; is the file complete ({} bytes)?",
-                bytes.len()
-            )));
-        }
-        let damaged = |e: ::image::ImageError| {
-            if let ::image::ImageError::Unsupported(e) = &e {
-                let is_left_out = !cfg!(feature = "jpeg-webp")
-                    && matches!(format, Some(ImageFormat::Jpeg | ImageFormat::WebP));
-                let advice = if is_left_out {
-                    "decode it with `imageToArray` of the part `images` (feature `jpeg-webp`), or save it as PNG"
-                } else {
-                    "save it as PNG"
-                };
-                return Error::input(format!("the image cannot be decoded ({e}); {advice}"));
-            }
-            // Some reasons end with a line break.
-            let reason = e.to_string();
-            Error::input(format!(
-                "the image cannot be decoded ({}); is the file complete ({} bytes)?",
-                reason.trim_end(),
-                bytes.len()
-            ))
-        };
-        let mut decoder = reader.into_decoder().map_err(damaged)?;
-        let (width, height) = decoder.dimensions();
-        if width.max(height) > MAX_SIDE || width.min(height) < MIN_SIDE {
-            return Err(Error::input(format!(
-                "the image is {width} x {height} pixels; expected {MIN_SIDE} to {MAX_SIDE} a side"
-            )));
-        }
-        let mut limits = Limits::default();
-        limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * 8);
-        decoder.set_limits(limits).map_err(damaged)?;
-        let image = ::image::DynamicImage::from_decoder(decoder).map_err(damaged)?;
-        Self::new(width, height, image.into_rgb8().into_raw())
-    }
-
     /// Width in pixels.
     pub fn width(&self) -> u32 {
         self.width
@@ -193,8 +131,7 @@ impl Frame {
     /// The frame as a numpy array (`.npy`, `[H, W, 3]`, unsigned bytes), see [`Frame::rgb`];
     /// [`Frame::decode`] reads it.
     pub fn to_npy(&self) -> Vec<u8> {
-        let mut array =
-            super::npz::npy_header("|u1", &[self.height as usize, self.width as usize, 3]);
+        let mut array = npy::header("|u1", &[self.height as usize, self.width as usize, 3]);
         array.extend_from_slice(&self.rgb());
         array
     }
@@ -211,30 +148,6 @@ impl Frame {
             Some(size) if size != own => resize_planar(&planar, own, size, filter),
             _ => planar,
         }
-    }
-}
-
-/// Whether a JPEG image goes on to its end marker: the decoder makes grey of what is missing and
-/// says nothing.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    // The start marker has no content.
-    let mut rest = bytes.get(2..).unwrap_or_default();
-    loop {
-        // Behind the head of a scan are its data, in which 0xff is followed by 0 or a restart
-        // marker.
-        let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0 | 0xd0..=0xd7 | 0xff);
-        let Some(at) = rest.windows(2).position(is_marker) else {
-            return false;
-        };
-        if rest[at + 1] == 0xd9 {
-            return true;
-        }
-        rest = &rest[at + 2..];
-        let Some([high, low]) = rest.first_chunk() else {
-            return false;
-        };
-        let length = usize::from(u16::from_be_bytes([*high, *low]));
-        rest = rest.get(length..).unwrap_or_default();
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::frames::last_number;
+use super::names::last_number;
 use crate::error::{Error, Result};
 use crate::track::FrameKey;
 

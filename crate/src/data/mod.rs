@@ -2,13 +2,21 @@
 //! and a folder on disk.
 
 mod archive;
-mod classify;
+mod arrays;
+#[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
+mod blocks;
+mod decode;
+mod frame_array;
 mod frames;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod image;
 mod join;
+mod names;
+mod npy;
 mod npz;
+mod points;
+mod reading;
 mod recording;
 mod resize;
 mod source;
@@ -19,7 +27,8 @@ pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
     TAIL as ARCHIVE_TAIL, ZIP_MAGIC,
 };
-pub use classify::{Classification, Role, classify};
+#[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
+pub(crate) use blocks::for_blocks;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
 pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth};
@@ -27,19 +36,17 @@ pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth};
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Join, join};
+pub(crate) use names::{is_hidden, is_image};
 pub use npz::{
-    NPZ_MAGIC, NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays,
-    parse_npz_ground_truth, parse_npz_keypoints,
+    NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
+    parse_npz_keypoints,
 };
-pub use recording::{AxisOrder, Recording};
+pub use reading::{AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions};
+pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
-#[cfg(any(feature = "cli", feature = "train"))]
-pub(crate) use source::BLOCK;
 pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, numpy_permutation};
+pub(crate) use table::layout_of;
 #[cfg(feature = "report")]
 pub(crate) use table::quote_csv;
-pub use table::{
-    Ground, Known, Layout, Reading, Space, Table, TableOptions, ground_truth_csv, keypoints_csv,
-    parse_ground_truth, parse_keypoints,
-};
+pub use table::{ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints};

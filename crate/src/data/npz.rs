@@ -4,24 +4,19 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, SeekFrom, Write};
 use std::sync::{Mutex, PoisonError};
 
+use zip::read::ZipFile;
 use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::image::Frame;
-use super::recording::{self, ArrayFile, ArrayInfo, AxisOrder, Kind, Recording, Values};
-use super::table::{Table, TableOptions};
+use super::arrays::{ArrayFile, ArrayInfo, FRAMES, POINTS, Values};
+use super::npy::{self, Header, MAX_HEADER, damaged};
+use super::points;
+use super::reading::{AxisOrder, Table, TableOptions};
+use super::recording::Recording;
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
-
-/// The first bytes of a `.npy` array.
-pub(super) const MAGIC: &[u8; 6] = b"\x93NUMPY";
-
-/// Longer than the header of any array of numbers; a guard against damaged files.
-const MAX_HEADER: u32 = 1 << 16;
-
-/// The first bytes of an NPZ file.
-pub const NPZ_MAGIC: &[u8; 4] = b"PK\x03\x04";
 
 impl Recording {
     /// Frames, and points if there are any, of an NPZ file.
@@ -60,7 +55,7 @@ pub fn parse_npz_ground_truth(
     options: &TableOptions,
 ) -> Result<Table<GroundTruth>> {
     Npz::open(Cursor::new(bytes))
-        .and_then(|file| recording::ground_truth(&file, options))
+        .and_then(|file| points::ground_truth(&file, options))
         .map_err(|e| e.at(name))
 }
 
@@ -74,7 +69,7 @@ pub fn parse_npz_keypoints(
     options: &TableOptions,
 ) -> Result<Table<KeypointTrack>> {
     Npz::open(Cursor::new(bytes))
-        .and_then(|file| recording::keypoints(&file, options))
+        .and_then(|file| points::keypoints(&file, options))
         .map_err(|e| e.at(name))
 }
 
@@ -86,7 +81,7 @@ pub fn ground_truth_of_arrays(
     arrays: Vec<NpyArray>,
     options: &TableOptions,
 ) -> Result<Table<GroundTruth>> {
-    recording::ground_truth(&Npz::of(arrays)?, options)
+    points::ground_truth(&Npz::of(arrays)?, options)
 }
 
 /// Parses keypoints from arrays, as [`parse_npz_keypoints`].
@@ -97,7 +92,7 @@ pub fn keypoints_of_arrays(
     arrays: Vec<NpyArray>,
     options: &TableOptions,
 ) -> Result<Table<KeypointTrack>> {
-    recording::keypoints(&Npz::of(arrays)?, options)
+    points::keypoints(&Npz::of(arrays)?, options)
 }
 
 /// An array of an NPZ file, `.npy`: the whole of it, or of frames at least the header.
@@ -117,44 +112,31 @@ impl NpyArray {
 
     /// Whether an array of this name holds frames.
     pub fn holds_frames(name: &str) -> bool {
-        recording::FRAMES.contains(&name)
+        FRAMES.contains(&name)
     }
 
     /// Whether an array of this name is needed as a whole, because it holds points or their names.
     pub fn is_needed_whole(name: &str) -> bool {
-        recording::POINTS.contains(&name) || name == "names"
+        POINTS.contains(&name) || name == "names"
     }
-}
-
-/// The frame of a `.npy` array of shape `[H, W, 3]` or `[3, H, W]`.
-pub(super) fn decode_frame(bytes: &[u8]) -> Result<Frame> {
-    let size = bytes.len() as u64;
-    let header = Header::read(&mut &*bytes)?;
-    header.check("frame", size)?;
-    let info = ArrayInfo {
-        shape: [1]
-            .into_iter()
-            .chain(header.shape.iter().copied())
-            .collect(),
-        dtype: header.dtype.clone(),
-        kind: header.kind(),
-    };
-    recording::frame(
-        &info,
-        header.values("frame", &bytes[header.length as usize..])?,
-    )
 }
 
 /// An NPZ file, whose elements lie in `A` where they are not in memory.
 struct Npz<A> {
     archive: A,
+    /// Arrays of frames, of points and of their names.
     arrays: BTreeMap<String, Member>,
+    /// The names of other arrays.
+    unused: Vec<String>,
 }
 
 /// Where elements lie that are not in memory.
 trait Archive: Send + Sync {
     /// `length` bytes of an entry as it is, from `start`.
     fn read(&self, position: usize, start: u64, length: u64) -> Result<Vec<u8>>;
+
+    /// Reads an entry from its beginning to its end and compares its checksum.
+    fn verify(&self, position: usize) -> Result<()>;
 }
 
 impl<R: Read + Seek + Send> Archive for Mutex<ZipArchive<R>> {
@@ -170,6 +152,13 @@ impl<R: Read + Seek + Send> Archive for Mutex<ZipArchive<R>> {
             .map_err(|e| damaged(&e))?;
         Ok(bytes)
     }
+
+    fn verify(&self, position: usize) -> Result<()> {
+        let mut archive = self.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut entry = archive.by_index(position).map_err(|e| broken(&e))?;
+        std::io::copy(&mut entry, &mut std::io::sink()).map_err(|e| damaged(&e))?;
+        Ok(())
+    }
 }
 
 /// Out of reach from here.
@@ -180,6 +169,10 @@ impl Archive for Elsewhere {
         Err(Error::input(
             "the array is not in memory; read it where it lies",
         ))
+    }
+
+    fn verify(&self, _: usize) -> Result<()> {
+        Ok(())
     }
 }
 
@@ -196,36 +189,62 @@ enum Elements {
 }
 
 impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
+    /// Arrays that hold neither frames nor points are not looked into, whatever they unpack to.
     fn open(reader: R) -> Result<Self> {
         let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
         let mut arrays = BTreeMap::new();
+        let mut unused = Vec::new();
         for position in 0..archive.len() {
-            let mut entry = archive.by_index(position).map_err(|e| broken(&e))?;
+            let entry = archive.by_index(position).map_err(|e| broken(&e))?;
             let Some(name) = entry.name().strip_suffix(".npy").map(str::to_owned) else {
                 continue;
             };
-            let header = Header::read(&mut entry).map_err(|e| e.at(format!("`{name}`")))?;
-            let bytes = header.check(&name, entry.size())?;
-            let mut elements = Elements::Archive(position);
-            if entry.compression() != CompressionMethod::Stored {
-                let mut all = Vec::new();
-                entry
-                    .read_to_end(&mut all)
-                    .map_err(|e| damaged(&e).at(format!("`{name}`")))?;
-                if all.len() as u64 != bytes {
-                    return Err(Error::input(format!(
-                        "`{name}` unpacks to {} bytes, not {bytes}",
-                        all.len()
-                    )));
-                }
-                elements = Elements::Memory(all);
+            if !NpyArray::holds_frames(&name) && !NpyArray::is_needed_whole(&name) {
+                unused.push(name);
+                continue;
             }
-            arrays.insert(name, Member { header, elements });
+            let member =
+                Member::read(&name, position, entry).map_err(|e| e.at(format!("`{name}`")))?;
+            arrays.insert(name, member);
         }
         Ok(Self {
             archive: Mutex::new(archive),
             arrays,
+            unused,
         })
+    }
+}
+
+impl Member {
+    /// An array of an archive. Frames that are stored as they are stay there; everything else is
+    /// read here, which checks its checksum.
+    fn read<R: Read + Seek>(name: &str, position: usize, mut entry: ZipFile<R>) -> Result<Self> {
+        let header = Header::read(&mut entry)?;
+        let bytes = header.check(name, entry.size())?;
+        if entry.compression() == CompressionMethod::Stored && !NpyArray::is_needed_whole(name) {
+            let elements = Elements::Archive(position);
+            return Ok(Self { header, elements });
+        }
+        memory::check(
+            bytes,
+            "unpacked array",
+            "save it with np.savez, whose arrays stay in the file",
+        )?;
+        let mut all = Vec::new();
+        // One byte more than there should be: the checksum is compared at the end of the entry.
+        let read = entry.take(bytes.saturating_add(1)).read_to_end(&mut all);
+        read.map_err(|e| damaged(&e))?;
+        if all.len() as u64 != bytes {
+            let found = match all.len() as u64 > bytes {
+                true => "more".to_owned(),
+                false => all.len().to_string(),
+            };
+            return Err(Error::input(format!(
+                "expected {bytes} bytes when unpacked, found {found}; is the file damaged?"
+            )));
+        }
+        let elements = Elements::Memory(all);
+        Ok(Self { header, elements })
     }
 }
 
@@ -244,6 +263,7 @@ impl Npz<Elsewhere> {
         Ok(Self {
             archive: Elsewhere,
             arrays,
+            unused: Vec::new(),
         })
     }
 }
@@ -263,24 +283,29 @@ impl<A: Archive> Npz<A> {
 
 impl<A: Archive> ArrayFile for Npz<A> {
     fn names(&self) -> Result<Vec<String>> {
-        Ok(self.arrays.keys().cloned().collect())
+        let mut names: Vec<String> = self.arrays.keys().chain(&self.unused).cloned().collect();
+        names.sort_unstable();
+        Ok(names)
     }
 
     fn info(&self, name: &str) -> Result<Option<ArrayInfo>> {
         Ok(self
             .arrays
             .get(name)
-            .map(|Member { header, .. }| ArrayInfo {
-                shape: header.shape.clone(),
-                dtype: header.dtype.clone(),
-                kind: header.kind(),
-            }))
+            .map(|Member { header, .. }| header.info()))
     }
 
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values> {
         let header = &self.arrays[name].header;
         let (start, length) = header.part(leading);
         header.values(name, &self.bytes(name, start, length)?)
+    }
+
+    fn verify(&self, name: &str) -> Result<()> {
+        match self.arrays.get(name).map(|member| &member.elements) {
+            Some(Elements::Archive(position)) => self.archive.verify(*position),
+            Some(Elements::Memory(_)) | None => Ok(()),
+        }
     }
 
     fn place(&self, name: &str, leading: &[u64]) -> Option<(u64, u64)> {
@@ -327,169 +352,6 @@ impl<A: Archive> ArrayFile for Npz<A> {
     }
 }
 
-fn numbers<T, const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> T) -> Vec<T> {
-    bytes
-        .as_chunks()
-        .0
-        .iter()
-        .map(|bytes| number(*bytes))
-        .collect()
-}
-
-/// The header of a `.npy` array. Own code: it is a Python dictionary of three keys that numpy
-/// always writes in the same form, and the libraries that read it bring a parser generator and a C
-/// compiler.
-struct Header {
-    dtype: String,
-    fortran: bool,
-    shape: Vec<u64>,
-    /// Bytes of an element.
-    item: u64,
-    /// Bytes before the first element.
-    length: u64,
-}
-
-impl Header {
-    fn read(reader: &mut impl Read) -> Result<Self> {
-        let mut start = [0; 8];
-        reader.read_exact(&mut start).map_err(|e| damaged(&e))?;
-        if start[..6] != *MAGIC {
-            return Err(Error::input("not a numpy array"));
-        }
-        let mut size = [0; 4];
-        let size_bytes = if start[6] == 1 { 2 } else { 4 };
-        reader
-            .read_exact(&mut size[..size_bytes])
-            .map_err(|e| damaged(&e))?;
-        let size = u32::from_le_bytes(size);
-        let mut text = Vec::new();
-        if (1..=3).contains(&start[6]) && size <= MAX_HEADER {
-            reader
-                .take(u64::from(size))
-                .read_to_end(&mut text)
-                .map_err(|e| damaged(&e))?;
-        }
-        let text = String::from_utf8_lossy(&text).into_owned();
-        let length = 8 + size_bytes as u64 + u64::from(size);
-        Self::parse(&text, length).ok_or_else(|| {
-            Error::input(format!(
-                "the header of the numpy array is not understood: `{}`; expected an array of numbers or strings",
-                text.trim_end()
-            ))
-        })
-    }
-
-    fn parse(text: &str, length: u64) -> Option<Self> {
-        let value = |key: &str| {
-            Some(
-                text.split_once(key)?
-                    .1
-                    .trim_start()
-                    .strip_prefix(':')?
-                    .trim_start(),
-            )
-        };
-        let dtype = value("'descr'")?.strip_prefix('\'')?.split_once('\'')?.0;
-        let fortran = value("'fortran_order'")?.starts_with("True");
-        let shape = value("'shape'")?.strip_prefix('(')?.split_once(')')?.0;
-        let shape: Option<Vec<u64>> = shape
-            .split(',')
-            .map(str::trim)
-            .filter(|n| !n.is_empty())
-            .map(|n| n.parse().ok())
-            .collect();
-        let width: u64 = dtype.get(2..)?.parse().ok()?;
-        let unit = if dtype.get(1..2)? == "U" { 4 } else { 1 };
-        Some(Self {
-            dtype: dtype.to_owned(),
-            fortran,
-            shape: shape?,
-            item: width.checked_mul(unit)?,
-            length,
-        })
-    }
-
-    /// The size of all elements; an error when the array does not have `size` bytes.
-    fn check(&self, name: &str, size: u64) -> Result<u64> {
-        let bytes = self
-            .bytes()
-            .filter(|b| b.checked_add(self.length) == Some(size));
-        bytes.ok_or_else(|| {
-            Error::input(format!(
-                "`{name}` has {} bytes, shape {:?} of {} needs {}; is the file complete?",
-                size.saturating_sub(self.length),
-                self.shape,
-                self.dtype,
-                self.bytes()
-                    .map_or("more than there can be".to_owned(), |b| b.to_string())
-            ))
-        })
-    }
-
-    /// Where the elements at the `leading` indices begin, after the header, and their size in
-    /// bytes.
-    fn part(&self, leading: &[u64]) -> (u64, u64) {
-        let count: u64 = self.shape[leading.len()..].iter().product();
-        let strides = self.shape[..leading.len()].iter().zip(leading);
-        let start = strides.fold(0, |start, (size, i)| start * size + i) * count;
-        (start * self.item, count * self.item)
-    }
-
-    /// The numbers that `bytes` hold.
-    fn values(&self, name: &str, bytes: &[u8]) -> Result<Values> {
-        if self.fortran {
-            return Err(Error::input(format!(
-                "`{name}` is stored column by column; save np.ascontiguousarray of it"
-            )));
-        }
-        let big = self.dtype.starts_with('>');
-        Ok(match self.kind() {
-            Some(Kind::U8) => Values::U8(bytes.to_vec()),
-            Some(Kind::F32) if big => Values::F32(numbers(bytes, f32::from_be_bytes)),
-            Some(Kind::F32) => Values::F32(numbers(bytes, f32::from_le_bytes)),
-            Some(Kind::F64) if big => Values::F64(numbers(bytes, f64::from_be_bytes)),
-            Some(Kind::F64) => Values::F64(numbers(bytes, f64::from_le_bytes)),
-            None => {
-                return Err(Error::input(format!(
-                    "`{name}` is of type {}, which is not read",
-                    self.dtype
-                )));
-            }
-        })
-    }
-
-    fn kind(&self) -> Option<Kind> {
-        match &self.dtype[1..] {
-            "u1" => Some(Kind::U8),
-            "f4" => Some(Kind::F32),
-            "f8" => Some(Kind::F64),
-            _ => None,
-        }
-    }
-
-    /// The size of all elements.
-    fn bytes(&self) -> Option<u64> {
-        self.shape
-            .iter()
-            .try_fold(self.item, |bytes, n| bytes.checked_mul(*n))
-    }
-}
-
-/// The header of a `.npy` array of numpy type `dtype`.
-pub(super) fn npy_header(dtype: &str, shape: &[usize]) -> Vec<u8> {
-    let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
-    let mut text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({sizes}), }}");
-    // numpy aligns the first element to 64 bytes.
-    let padding = 63 - (10 + text.len()) % 64;
-    text.push_str(&" ".repeat(padding));
-    text.push('\n');
-    let mut header = MAGIC.to_vec();
-    header.extend([1, 0]);
-    header.extend((text.len() as u16).to_le_bytes());
-    header.extend(text.as_bytes());
-    header
-}
-
 /// Writes arrays into an NPZ file, one after the other, without holding one in memory.
 pub struct NpzWriter<W: Write + Seek> {
     zip: ZipWriter<W>,
@@ -516,7 +378,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         self.zip
             .start_file(format!("{name}.npy"), options)
             .map_err(|e| Error::new(ErrorKind::Io, e.to_string()))?;
-        self.write(&npy_header(dtype, shape))
+        self.write(&npy::header(dtype, shape))
     }
 
     /// Appends bytes to the array that was begun.
@@ -579,10 +441,4 @@ impl<W: Write + Seek> NpzWriter<W> {
 
 fn broken(error: &ZipError) -> Error {
     Error::input(format!("not a whole NPZ file ({error}); was it cut short?"))
-}
-
-fn damaged(error: &std::io::Error) -> Error {
-    Error::input(format!(
-        "the array cannot be read ({error}); is the file complete?"
-    ))
 }

@@ -4,7 +4,7 @@ use ndarray::ArrayView2;
 
 use super::moments::{Moments, ObjectMoments};
 use super::scale::{ORDINARY, exponent, times_power};
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 
 /// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
 /// make the centred moments exact to rounding wherever the cloud of points lies, which running sums
@@ -197,7 +197,8 @@ impl Accumulator {
                  frames)",
                 keypoints[[n, 0]],
                 keypoints[[n, 1]]
-            )));
+            ))
+            .because(Reason::NonFinite { keypoint: n }));
         }
         if self.policy == NonFinite::ExcludeFrame {
             self.excluded += 1;

@@ -8,7 +8,7 @@ use ndarray::{Array3, ArrayView2, Axis};
 use rayon::prelude::*;
 
 use super::SNIPPET;
-use crate::data::{self, BLOCK, Filter, FrameSource, planes};
+use crate::data::{self, Filter, FrameSource, for_blocks, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
 use crate::run::{TargetFilter, TrainConfig};
@@ -103,27 +103,26 @@ impl Frames {
         let keys = decoder.source.index().keys();
         let taken = AtomicU64::new(0);
         let decode = |i: usize| -> Result<([usize; 2], Option<Decoded>)> {
-            cancel.check()?;
             let (size, decoded) = decoder.decode(i)?;
             let bytes = decoded.bytes();
             let before = taken.fetch_add(bytes, Ordering::Relaxed);
             Ok((size, (before + bytes <= cache).then_some(decoded)))
         };
         let (mut kept, mut input_size) = (Vec::with_capacity(keys.len()), None);
-        for start in (0..keys.len()).step_by(BLOCK) {
-            let block = start..(start + BLOCK).min(keys.len());
-            let decoded: Vec<_> = block.into_par_iter().map(decode).collect::<Result<_>>()?;
-            for (i, (size, decoded)) in decoded.into_iter().enumerate() {
+        for_blocks(0..keys.len(), cancel, decode, |block| {
+            for frame in block {
+                let (size, decoded) = frame?;
                 let first = *input_size.get_or_insert(size);
                 if size != first {
                     return Err(Error::mismatch(format!(
                         "{}: the frame is {size:?}, the first one {first:?}; expected one size, or give an input size",
-                        keys[start + i]
+                        keys[kept.len()]
                     )));
                 }
                 kept.push(decoded);
             }
-        }
+            Ok(())
+        })?;
         let input_size = input_size.ok_or_else(|| Error::input("there are no frames"))?;
         Ok((Self { decoder, kept }, input_size))
     }

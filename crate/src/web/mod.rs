@@ -27,6 +27,8 @@ mod frames;
 mod gpu;
 #[cfg(feature = "web-images")]
 mod images;
+#[cfg(feature = "web-scoring")]
+mod join;
 #[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
 #[cfg(feature = "web-scoring")]
@@ -55,7 +57,7 @@ fn memory() -> f64 {
     (core::arch::wasm32::memory_size::<0>() * PAGE) as f64
 }
 
-/// A JavaScript `Error` with the message and the kind.
+/// A JavaScript `Error` with the message, `kind`, and `reason` where there is one.
 fn js_error(error: &Error) -> JsValue {
     let kind = match error.kind() {
         ErrorKind::Input => "input",
@@ -67,16 +69,13 @@ fn js_error(error: &Error) -> JsValue {
     let js = JsError::new(&error.to_string());
     // Setting a property of a fresh object cannot fail.
     let _ = Reflect::set(&js, &"kind".into(), &kind.into());
+    if let Some(reason) = error.reason().and_then(|reason| to_js(reason).ok()) {
+        let _ = Reflect::set(&js, &"reason".into(), &reason);
+    }
     js.into()
 }
 
 /// Plain JavaScript objects; `None` becomes null.
-#[cfg(any(
-    feature = "web-scoring",
-    feature = "web-extraction",
-    feature = "web-figures",
-    feature = "web-comparison"
-))]
 fn to_js<T: serde::Serialize>(value: &T) -> JsResult<JsValue> {
     let serializer = serde_wasm_bindgen::Serializer::json_compatible();
     value.serialize(&serializer).map_err(Into::into)

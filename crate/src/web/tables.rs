@@ -7,7 +7,7 @@ use wasm_bindgen::prelude::*;
 use super::frames::FrameIndex;
 use super::options::from_js;
 use super::{JsResult, js_error, to_js};
-use crate::data::{self, AxisOrder, Ground, Reading, Space, Table, TableOptions};
+use crate::data::{self, AxisOrder, Ground, Notice, Reading, Space, Table, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -68,6 +68,15 @@ fn reading_to_js(reading: &Reading) -> JsResult<JsValue> {
         axis_order: known(reading.axes, AxisOrder::name),
         index_base: known(reading.index_base, |n| n),
     })
+}
+
+fn texts(notices: &[Notice]) -> Vec<String> {
+    notices.iter().map(|notice| notice.text.clone()).collect()
+}
+
+fn reasons_to_js(notices: &[Notice]) -> JsResult<JsValue> {
+    let reasons = notices.iter().filter_map(|notice| notice.reason.as_ref());
+    to_js(&reasons.collect::<Vec<_>>())
 }
 
 /// Object positions over frames.
@@ -132,7 +141,16 @@ impl GroundTruthTable {
     /// How the table was read.
     #[wasm_bindgen(getter)]
     pub fn notices(&self) -> Vec<String> {
-        self.table.notices.clone()
+        texts(&self.table.notices)
+    }
+
+    /// What programs need to know of the notices to offer remedies.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn reasons(&self) -> JsResult<JsValue> {
+        reasons_to_js(&self.table.notices)
     }
 }
 
@@ -209,7 +227,16 @@ impl KeypointTable {
     /// How the table was read.
     #[wasm_bindgen(getter)]
     pub fn notices(&self) -> Vec<String> {
-        self.table.notices.clone()
+        texts(&self.table.notices)
+    }
+
+    /// What programs need to know of the notices to offer remedies.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn reasons(&self) -> JsResult<JsValue> {
+        reasons_to_js(&self.table.notices)
     }
 
     /// The table as CSV.

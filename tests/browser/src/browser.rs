@@ -38,7 +38,7 @@ impl Browser {
             .driver()
             .arg(format!("--port={port}"))
             .args(self.profile_arguments(&profile))
-            // Firefox writes caches beside its profile otherwise.
+            // Otherwise Firefox writes caches next to its profile.
             .env("HOME", profile.path())
             .stdout(Stdio::null())
             .stderr(Stdio::null())

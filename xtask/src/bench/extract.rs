@@ -110,7 +110,7 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     Ok(())
 }
 
-/// The peer that is written in Rust, built beside the rest.
+/// The peer that is written in Rust, built with the rest.
 fn rten(workspace: &Workspace, peers: &Path) -> Result<PathBuf> {
     let folder = workspace.target().join("peers");
     let mut build = run::cargo();

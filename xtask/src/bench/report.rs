@@ -160,7 +160,7 @@ fn log(architecture: usize, seed: u64) -> String {
     log
 }
 
-/// The wall time of a command, and the most memory it had, where the system tells.
+/// The wall time of a command and, where the system reports it, its peak memory.
 fn timed(command: &mut Command) -> Result<(Duration, Option<u64>)> {
     let start = Instant::now();
     let mut child = command

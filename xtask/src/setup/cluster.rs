@@ -17,7 +17,8 @@ const CLUSTER: Package = Package {
             "sudo zypper install slurm slurm-node munge gnu_parallel",
         ),
     ],
-    otherwise: "the tests of sweeps start a Slurm of one node, on Linux and as root; --skip-cluster leaves them out",
+    otherwise: "the tests of sweeps start a Slurm of one node, on Linux and as root; elsewhere, \
+                run `cargo xtask test` without the part `cluster`",
 };
 
 /// The programs that the tests start.

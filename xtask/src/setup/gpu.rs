@@ -19,7 +19,7 @@ const LAVAPIPE: Package = Package {
             "sudo zypper install Mesa-vulkan-drivers libvulkan1",
         ),
     ],
-    otherwise: "or leave the tests of the GPU out (--skip-gpu)",
+    otherwise: "or run `cargo xtask test` without the part `gpu`",
 };
 
 /// Where distributions keep the descriptions of Vulkan drivers.

@@ -20,7 +20,7 @@ pub use node::{
     NPM_LOCK, PAGE_PEERS, WasmOpt, axe, node, npm_packages, page_files, page_libraries, wasm_opt,
 };
 pub use python::python;
-pub use wasm::wasm_toolchain;
+pub use wasm::{WasmToolchain, wasm_toolchain};
 
 pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
     let mut steps = Steps::new();

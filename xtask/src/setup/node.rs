@@ -33,14 +33,15 @@ pub const PAGE_PEERS: Packages = Packages {
     lock: include_str!("../../npm/peers/package-lock.json"),
 };
 
-/// What the page loads beside its own files.
+/// What the page loads in addition to its own files.
 const PAGE_LIBRARIES: Packages = Packages {
     name: "npm-page",
     manifest: include_str!("../../npm/page/package.json"),
     lock: include_str!("../../npm/page/package-lock.json"),
 };
 
-/// Of the page's libraries, the files that it loads: in the site, and in `node_modules`.
+/// The files that the page loads from its libraries: their paths in the site, and in
+/// `node_modules`.
 const PAGE_FILES: [(&str, &str); 2] = [
     (
         "vendor/mediabunny.js",

@@ -84,7 +84,7 @@ fn with_rustup() -> Result<WasmToolchain> {
         return Ok(WasmToolchain::Running);
     }
     if !install::found("rustup") {
-        bail!("there is no rustup");
+        bail!("rustup is not installed");
     }
     run::run(run::command("rustup").args(["target", "add", TARGET]))?;
     if !running_has_target()? {
@@ -127,7 +127,7 @@ fn find_debian(workspace: &Workspace) -> Result<WasmToolchain> {
         "/usr/lib/rustlib/src/rust/library/std/Cargo.toml",
     ];
     if let Some(missing) = parts.iter().find(|part| !Path::new(part).exists()) {
-        bail!("there is no {missing}");
+        bail!("{missing} is missing");
     }
     let rust = DebianRust::installed()?;
     let oldest = env!("CARGO_PKG_RUST_VERSION");
@@ -137,7 +137,7 @@ fn find_debian(workspace: &Workspace) -> Result<WasmToolchain> {
     }
     let linker = format!("wasm-ld-{}", rust.llvm);
     if !install::found(&linker) {
-        bail!("there is no {linker}");
+        bail!("{linker} is not on the path");
     }
     Ok(WasmToolchain::Debian {
         linker,

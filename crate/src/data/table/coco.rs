@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Layout, Raw, Row, Sequences};
-use crate::data::frames::last_number;
+use super::rows::{Raw, Row, Sequences};
+use crate::data::names::{cleaned, last_number};
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 #[derive(Deserialize)]
@@ -132,6 +133,7 @@ pub fn read(text: &str) -> Result<Raw> {
             if let Some(track) = &track {
                 name = format!("{track}/{name}");
             }
+            let name = cleaned(&name).into_owned();
             let number = *numbers.entry(name.clone()).or_insert_with(|| {
                 points.push(name);
                 points.len() - 1
@@ -156,9 +158,7 @@ pub fn read(text: &str) -> Result<Raw> {
         ));
     }
     if without > 0 {
-        notices.push(format!(
-            "{without} annotations without keypoints are left out"
-        ));
+        notices.push(format!("{without} annotations without keypoints are left out").into());
     }
     Ok(Raw {
         layout: Layout::Coco,
@@ -166,6 +166,7 @@ pub fn read(text: &str) -> Result<Raw> {
         points,
         rows,
         notices,
+        lacks_size: false,
     })
 }
 

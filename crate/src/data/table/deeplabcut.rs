@@ -5,9 +5,10 @@
 //! `coords`. A row of labels begins with the path of its image, `labeled-data/VIDEO/img0001.png`,
 //! in one field or in three; a row of an analysis with the number of its frame.
 
-use super::delimited::{Delimited, coordinate, wrong_field};
-use super::{Layout, Raw, Row, Sequences};
-use crate::data::frames::last_number;
+use super::fields::{Delimited, coordinate, wrong_field};
+use super::rows::{Raw, Row, Sequences};
+use crate::data::names::{cleaned, last_number};
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 /// What the video is called before the name that an analysis adds to it, `VIDEODLC_resnet50_…`.
@@ -66,8 +67,8 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         let part = bodyparts.get(i).unwrap_or_default();
         let name = match individuals.and_then(|record| record.get(i)) {
             // What belongs to no animal, or to the only one.
-            None | Some("" | "single") => part.to_owned(),
-            Some(individual) => format!("{individual}/{part}"),
+            None | Some("" | "single") => cleaned(part).into_owned(),
+            Some(individual) => cleaned(&format!("{individual}/{part}")).into_owned(),
         };
         let at = match points.iter().position(|(n, _)| *n == name) {
             Some(at) => at,
@@ -98,9 +99,11 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         return Err(Error::input("the header names no body part"));
     }
     if likelihoods > 0 {
-        table
-            .notices
-            .push("likelihoods are not looked at: every position counts".to_owned());
+        table.notices.push(
+            "likelihoods are ignored: every position counts"
+                .to_owned()
+                .into(),
+        );
     }
 
     let video = stem
@@ -171,5 +174,6 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         points: points.into_iter().map(|(name, _)| name).collect(),
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }

@@ -1,14 +1,10 @@
 //! Text with fields between commas, semicolons or tabs.
 
-use super::{Content, Layout, Raw, TableOptions, deeplabcut, tidy, wide};
+use super::fields::{Delimited, unreadable};
+use super::rows::{Content, Raw};
+use super::{deeplabcut, tidy, wide};
+use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
-
-/// A delimited text after its header.
-pub struct Delimited<'a> {
-    pub header: csv::StringRecord,
-    pub reader: csv::Reader<&'a [u8]>,
-    pub notices: Vec<String>,
-}
 
 /// Reads a table of the layout that its header shows.
 pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) -> Result<Raw> {
@@ -27,7 +23,7 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
     let delimiter = match delimiter {
         Some((c, word)) => {
             if c != ',' {
-                notices.push(format!("fields are separated by a {word}"));
+                notices.push(format!("fields are separated by a {word}").into());
             }
             c as u8
         }
@@ -48,7 +44,7 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
     // does not say.
     let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    match layout(&table.header) {
+    match layout_of(&table.header) {
         Layout::DeepLabCut => deeplabcut::read(table, stem),
         Layout::Wide => wide::read(table, stem),
         _ => tidy::read(table, content, options),
@@ -56,7 +52,7 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
 }
 
 /// The layout that a header shows; tidy where it shows none, whose reader says what is missing.
-pub fn layout(header: &csv::StringRecord) -> Layout {
+pub fn layout_of(header: &csv::StringRecord) -> Layout {
     let has = |column: &str| header.iter().any(|h| h.eq_ignore_ascii_case(column));
     if header
         .get(0)
@@ -68,66 +64,4 @@ pub fn layout(header: &csv::StringRecord) -> Layout {
     } else {
         Layout::Wide
     }
-}
-
-impl Delimited<'_> {
-    /// The next record and its line; none at the end.
-    ///
-    /// # Errors
-    /// When it has another number of fields than the header.
-    pub fn next(&mut self) -> Result<Option<(csv::StringRecord, u64)>> {
-        let mut record = csv::StringRecord::new();
-        if !self
-            .reader
-            .read_record(&mut record)
-            .map_err(|e| unreadable(&e))?
-        {
-            return Ok(None);
-        }
-        let line = record.position().map_or(0, csv::Position::line);
-        if record.len() != self.header.len() {
-            return Err(Error::input(format!(
-                "{} fields; expected {} as in the header{}",
-                record.len(),
-                self.header.len(),
-                if self.reader.is_done() {
-                    " (is the file cut short?)"
-                } else {
-                    ""
-                }
-            ))
-            .at(format!("line {line}")));
-        }
-        Ok(Some((record, line)))
-    }
-}
-
-/// A coordinate; NaN where the field is empty.
-pub fn coordinate(text: &str) -> Result<f64, String> {
-    if text.is_empty() || text.eq_ignore_ascii_case("na") {
-        return Ok(f64::NAN);
-    }
-    text.parse().map_err(|_| {
-        let hint = if text.contains(',') {
-            " with a decimal point"
-        } else {
-            ""
-        };
-        format!("`{text}` is not a number; expected a number{hint}")
-    })
-}
-
-/// The number of a frame.
-pub fn frame(text: &str) -> Result<u64, String> {
-    text.parse()
-        .map_err(|_| format!("`{text}` is not a frame; expected a whole number from 0"))
-}
-
-/// An error in a field.
-pub fn wrong_field(line: u64, column: &str, message: String) -> Error {
-    Error::input(message).at(format!("line {line}, column `{column}`"))
-}
-
-fn unreadable(error: &csv::Error) -> Error {
-    Error::input(format!("not a readable CSV table: {error}"))
 }

@@ -18,217 +18,38 @@
 mod coco;
 mod deeplabcut;
 mod delimited;
+mod fields;
+mod rows;
 mod tidy;
 mod wide;
+mod write;
 
-use std::collections::HashMap;
-use std::fmt;
-use std::str::FromStr;
+use std::num::NonZeroUsize;
 
 use ndarray::Array3;
 
-pub(super) use delimited::layout as header_layout;
+pub(crate) use delimited::layout_of;
+pub(crate) use write::quote_csv;
+pub use write::{ground_truth_csv, keypoints_csv};
 
-use super::recording::AxisOrder;
+use super::names::natural;
+use super::reading::{
+    AxisOrder, Layout, Notice, Reading, Space, Table, TableOptions, missing_image_size,
+    ndc_from_pixels, point_notices,
+};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+use rows::{Content, Raw, Row};
 
-/// A parsed table with what a person should know of how it was read.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Table<T> {
-    /// The content.
-    pub content: T,
-    /// What its numbers were taken for.
-    pub reading: Reading,
-    /// E.g. that semicolons separate the fields, or how many points are missing.
-    pub notices: Vec<String>,
-}
+/// Bytes of a point in a frame: its position, and the row that gives it.
+const CELL: u64 = 2 * 8 + 8;
 
-/// What the numbers of a table were taken for, and what said so.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Reading {
-    /// How the table is written.
-    pub layout: Layout,
-    /// The unit of the positions.
-    pub space: Known<Space>,
-    /// The order of the coordinates.
-    pub axes: Known<AxisOrder>,
-    /// The number of the first frame.
-    pub index_base: Known<u64>,
-}
+/// Tables that take no more bytes may be as sparse as they like.
+const SPARSE_FROM: u64 = 64 << 20;
 
-/// A value with its ground.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Known<T> {
-    /// The value.
-    pub value: T,
-    /// What it rests on.
-    pub by: Ground,
-}
-
-impl<T> Known<T> {
-    /// What a person said; without that `otherwise`, on its own ground.
-    pub(super) fn of(said: Option<T>, otherwise: T, by: Ground) -> Self {
-        match said {
-            Some(value) => Self {
-                value,
-                by: Ground::Said,
-            },
-            None => Self {
-                value: otherwise,
-                by,
-            },
-        }
-    }
-}
-
-/// What a value rests on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ground {
-    /// A person said so.
-    Said,
-    /// The file says so, or its layout always has it so.
-    File,
-    /// Nothing: the usual case is taken.
-    Guess,
-}
-
-impl Ground {
-    /// `said`, `file` or `guess`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Said => "said",
-            Self::File => "file",
-            Self::Guess => "guess",
-        }
-    }
-}
-
-/// The unit of a table's positions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Space {
-    /// -1 and +1 at the outer edges of the image.
-    Ndc,
-    /// Pixels, with the centre of the first one at (0, 0).
-    Pixels,
-}
-
-impl Space {
-    /// `ndc` or `px`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ndc => "ndc",
-            Self::Pixels => "px",
-        }
-    }
-}
-
-impl FromStr for Space {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "ndc" => Ok(Self::Ndc),
-            "px" => Ok(Self::Pixels),
-            _ => Err(Error::input(format!(
-                "`{text}` is no space; expected ndc or px"
-            ))),
-        }
-    }
-}
-
-/// How a table is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layout {
-    /// One row a point.
-    Tidy,
-    /// One row a frame, two columns a point.
-    Wide,
-    /// DeepLabCut's CSV.
-    DeepLabCut,
-    /// COCO keypoints, JSON.
-    Coco,
-    /// Arrays of a recording, NPZ or HDF5.
-    Arrays,
-    /// None: the points were extracted here.
-    Extraction,
-}
-
-impl fmt::Display for Layout {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Tidy => "one row a point",
-            Self::Wide => "one row a frame",
-            Self::DeepLabCut => "DeepLabCut",
-            Self::Coco => "COCO keypoints",
-            Self::Arrays => "arrays of a recording",
-            Self::Extraction => "an extraction",
-        })
-    }
-}
-
-/// What a person knows about a table and the file does not say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct TableOptions {
-    /// The unit of the positions; default: pixels for DeepLabCut and COCO, otherwise ndc.
-    pub space: Option<Space>,
-    /// The order of the two coordinates under the names x and y; default: (x, y).
-    pub axes: Option<AxisOrder>,
-    /// The number of the first frame, and in a tidy table of the first keypoint; default: 0.
-    pub index_base: Option<u64>,
-    /// `[width, height]` of the images; needed for positions in pixels, but for COCO.
-    pub image_size: Option<[u32; 2]>,
-}
-
-/// Points as a file gives them.
-struct Raw {
-    layout: Layout,
-    sequences: Vec<String>,
-    /// The names of the points.
-    points: Vec<String>,
-    rows: Vec<Row>,
-    notices: Vec<String>,
-}
-
-/// One point.
-struct Row {
-    /// Where it is in the file; an annotation's position for JSON.
-    line: u64,
-    sequence: usize,
-    frame: u64,
-    point: usize,
-    xy: [f64; 2],
-    /// Of its image, where the file says so.
-    image_size: Option<[u32; 2]>,
-}
-
-/// The names of sequences, numbered as they come.
-#[derive(Default)]
-struct Sequences {
-    names: Vec<String>,
-    numbers: HashMap<String, usize>,
-}
-
-impl Sequences {
-    fn number(&mut self, name: &str) -> Result<usize, String> {
-        if name.is_empty() {
-            return Err("empty; expected the name or number of the sequence".to_owned());
-        }
-        if let Some(known) = self.numbers.get(name) {
-            return Ok(*known);
-        }
-        self.names.push(name.to_owned());
-        self.numbers.insert(name.to_owned(), self.names.len() - 1);
-        Ok(self.names.len() - 1)
-    }
-}
-
-/// Which points a table is to hold.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Content {
-    GroundTruth,
-    Keypoints,
-}
+/// How many positions there may be for one that is given.
+const MAX_SPARSENESS: u64 = 256;
 
 /// Parses a ground-truth table. `name` is the file's, for messages, and of the sequence where the
 /// table has none.
@@ -253,7 +74,7 @@ pub fn parse_ground_truth(
                 "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
                 row.xy[0], row.xy[1]
             ))
-            .at(format!("line {}", row.line)));
+            .at(raw.place(row)));
         }
         let names = raw.points.clone();
         let (keys, points, mut notices) = arrange(&raw, |k| format!("object {}", names[k]))?;
@@ -261,6 +82,7 @@ pub fn parse_ground_truth(
             &points,
             "positions are missing: the object counts as not visible in that frame",
         ));
+        check_size(&raw, &reading)?;
         let content = GroundTruth::new(keys, names, points)?;
         Ok(Table {
             content,
@@ -300,6 +122,7 @@ pub fn parse_keypoints(
             &points,
             "keypoints are missing or not finite",
         ));
+        check_size(&raw, &reading)?;
         let content = KeypointTrack::new(keys, points)?;
         Ok(Table {
             content,
@@ -310,7 +133,16 @@ pub fn parse_keypoints(
     read().map_err(|e: Error| e.at(name))
 }
 
-/// Reads a table of any layout, in ndc.
+/// Fails where positions are in pixels of images of unknown size: last of all, so that the size is
+/// all that is missing.
+fn check_size(raw: &Raw, reading: &Reading) -> Result<()> {
+    match raw.lacks_size {
+        true => Err(missing_image_size("the positions", reading.space.by)),
+        false => Ok(()),
+    }
+}
+
+/// Reads a table of any layout, in ndc where the size of the images is known.
 fn read(
     bytes: &[u8],
     name: &str,
@@ -323,8 +155,10 @@ fn read(
         false => delimited::read(text, name, content, options)?,
     };
     if raw.layout != Layout::Tidy {
-        raw.notices
-            .insert(0, format!("read as a table of the layout: {}", raw.layout));
+        raw.notices.insert(
+            0,
+            format!("read as a table of the layout: {}", raw.layout).into(),
+        );
         if content == Content::Keypoints {
             let (first, last) = (raw.points.first(), raw.points.last());
             if let (Some(first), Some(last)) = (first, last) {
@@ -332,7 +166,7 @@ fn read(
                     "keypoint 0 is `{first}`, keypoint {} is `{last}`",
                     raw.points.len() - 1
                 );
-                raw.notices.push(range);
+                raw.notices.push(range.into());
             }
         }
     }
@@ -343,150 +177,22 @@ fn read(
         }
     }
     let base = reading.index_base.value;
+    if let Some(row) = raw.rows.iter().find(|row| row.frame < base) {
+        let message = format!("the frame {}; expected frames from {base}", row.frame);
+        return Err(Error::input(message).at(raw.place(row)));
+    }
     for row in &mut raw.rows {
-        row.frame = row.frame.checked_sub(base).ok_or_else(|| {
-            Error::input(format!(
-                "the frame {}; expected frames from {base}",
-                row.frame
-            ))
-            .at(format!("line {}", row.line))
-        })?;
+        row.frame -= base;
     }
     if reading.space.value == Space::Pixels {
         for row in &mut raw.rows {
-            let Some(size) = row.image_size.or(options.image_size) else {
-                return Err(Error::input(format!(
-                    "the positions are in pixels ({}), and the size of the images is not known; give the frames along, or the \
-                     size (--image-size 256x256), or say that the positions are in ndc (--space ndc)",
-                    match options.space {
-                        Some(_) => "as was said",
-                        None => "as always in this layout",
-                    }
-                )));
-            };
-            row.xy = ndc_from_pixels(row.xy, size);
+            match row.image_size.or(options.image_size) {
+                Some(size) => row.xy = ndc_from_pixels(row.xy, size),
+                None => raw.lacks_size = true,
+            }
         }
     }
     Ok((raw, reading))
-}
-
-/// A position in pixels, the centre of the first one at (0, 0), in ndc.
-pub(super) fn ndc_from_pixels(px: [f64; 2], image_size: [u32; 2]) -> [f64; 2] {
-    [0, 1].map(|axis| (2.0 * px[axis] + 1.0) / f64::from(image_size[axis]) - 1.0)
-}
-
-impl Reading {
-    /// What a table of this layout is taken for.
-    fn new(layout: Layout, options: &TableOptions) -> Self {
-        let (space, by) = match layout {
-            Layout::Tidy | Layout::Wide => (Space::Ndc, Ground::Guess),
-            Layout::DeepLabCut | Layout::Coco => (Space::Pixels, Ground::File),
-            Layout::Arrays | Layout::Extraction => (Space::Ndc, Ground::File),
-        };
-        Self {
-            layout,
-            space: Known::of(options.space, space, by),
-            // All of these name their columns or say which number is which.
-            axes: Known::of(options.axes, AxisOrder::Xy, Ground::File),
-            index_base: Known::of(options.index_base, 0, Ground::Guess),
-        }
-    }
-
-    /// Of points that were extracted here.
-    pub fn of_extraction() -> Self {
-        let mut reading = Self::new(Layout::Extraction, &TableOptions::default());
-        reading.index_base.by = Ground::File;
-        reading
-    }
-}
-
-/// How many points are missing, in the words of `missing`, and what looks like another unit than
-/// ndc.
-pub(super) fn point_notices(points: &Array3<f64>, missing: &str) -> Vec<String> {
-    let hidden: usize = points.outer_iter().map(|frame| hidden(&frame)).sum();
-    let (frames, count, _) = points.dim();
-    let notice = (hidden > 0).then(|| format!("{hidden} of {} {missing}", frames * count));
-    notice.into_iter().chain(unit_notice(points)).collect()
-}
-
-/// What looks like another unit than ndc.
-fn unit_notice(points: &Array3<f64>) -> Option<String> {
-    let seen = || points.iter().filter(|v| v.is_finite());
-    let far = seen().filter(|v| v.abs() > 16.0).count();
-    if far > 0 {
-        return Some(format!(
-            "{far} coordinates lie beyond ±16: are these pixels? Expected ndc, -1 to +1 across the image, or to be told of pixels: \
-             `--space px` for a ground truth, `--keypoints-space px` for keypoints, with `--image-size WxH`; on the page, the unit \
-             in the list of files"
-        ));
-    }
-    // A pixel of 256 x 256 is 1/128 wide.
-    if seen().count() >= 20 && seen().all(|v| *v < -0.97) {
-        return Some(
-            "all coordinates lie in the first corner of the image: are they ndc already, and read as pixels?"
-                .to_owned(),
-        );
-    }
-    let none_negative = seen().count() >= 20 && seen().all(|v| *v >= 0.0);
-    none_negative.then(|| {
-        "no coordinate is negative: is this another unit, e.g. 0 to 1 across the image? Expected ndc, -1 to +1"
-            .to_owned()
-    })
-}
-
-/// A keypoint table as CSV, with every digit needed to read the same numbers again.
-pub fn keypoints_csv(track: &KeypointTrack) -> String {
-    use std::fmt::Write as _;
-    let mut out = String::from("sequence,frame,keypoint,x,y\n");
-    for (key, points) in track.keys().iter().zip(track.points().outer_iter()) {
-        let sequence = quote_csv(&key.sequence);
-        for (n, point) in points.rows().into_iter().enumerate() {
-            // Writing to a String cannot fail.
-            let _ = writeln!(
-                out,
-                "{sequence},{},{n},{},{}",
-                key.frame, point[0], point[1]
-            );
-        }
-    }
-    out
-}
-
-/// A ground-truth table as CSV, with every digit needed to read the same numbers again; x and y are
-/// empty where an object is not visible.
-pub fn ground_truth_csv(truth: &GroundTruth) -> String {
-    use std::fmt::Write as _;
-    let mut out = String::from("sequence,frame,object,x,y\n");
-    for (key, points) in truth.keys().iter().zip(truth.points_ndc().outer_iter()) {
-        let sequence = quote_csv(&key.sequence);
-        for (name, point) in truth.names().iter().zip(points.rows()) {
-            let name = quote_csv(name);
-            // Writing to a String cannot fail.
-            let _ = match point.iter().all(|v| v.is_finite()) {
-                true => writeln!(
-                    out,
-                    "{sequence},{},{name},{},{}",
-                    key.frame, point[0], point[1]
-                ),
-                false => writeln!(out, "{sequence},{},{name},,", key.frame),
-            };
-        }
-    }
-    out
-}
-
-/// A CSV field, quoted where it must be.
-pub(crate) fn quote_csv(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) || field.trim() != field {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
-}
-
-fn hidden(points: &ndarray::ArrayView2<f64>) -> usize {
-    let unseen = |p: &ndarray::ArrayView1<f64>| p.iter().any(|v| !v.is_finite());
-    points.rows().into_iter().filter(|p| unseen(p)).count()
 }
 
 /// The points as T x P x 2 in the order of sequence (natural) and frame, NaN where no row gives
@@ -494,7 +200,7 @@ fn hidden(points: &ndarray::ArrayView2<f64>) -> usize {
 fn arrange(
     table: &Raw,
     name_of: impl Fn(usize) -> String,
-) -> Result<(Vec<FrameKey>, Array3<f64>, Vec<String>)> {
+) -> Result<(Vec<FrameKey>, Array3<f64>, Vec<Notice>)> {
     let points = table.points.len();
     let mut order: Vec<usize> = (0..table.sequences.len()).collect();
     order.sort_by(|a, b| natural(&table.sequences[*a], &table.sequences[*b]));
@@ -506,23 +212,25 @@ fn arrange(
     let mut frames: Vec<(usize, u64)> = table.rows.iter().map(place).collect();
     frames.sort_unstable();
     frames.dedup();
+    check_density(frames.len(), points, table.rows.len())?;
     let mut values = Array3::from_elem((frames.len(), points, 2), f64::NAN);
-    let mut lines = vec![0u64; frames.len() * points];
-    for row in &table.rows {
+    // By frame and point, the row that gives it.
+    let mut given: Vec<Option<NonZeroUsize>> = vec![None; frames.len() * points];
+    for (number, row) in numbered(&table.rows) {
         let Ok(t) = frames.binary_search(&place(row)) else {
             continue;
         };
-        let line = &mut lines[t * points + row.point];
-        if *line != 0 {
+        let before = given[t * points + row.point].replace(number);
+        if let Some(before) = before {
             return Err(Error::input(format!(
-                "sequence {}, frame {}, {} stands already in line {line}; expected one row a point",
+                "sequence {}, frame {}, {} is already in {}; expected one row a point",
                 table.sequences[row.sequence],
                 row.frame,
-                name_of(row.point)
+                name_of(row.point),
+                table.place(&table.rows[before.get() - 1]),
             ))
-            .at(format!("line {}", row.line)));
+            .at(table.place(row)));
         }
-        *line = row.line;
         for axis in 0..2 {
             values[[t, row.point, axis]] = row.xy[axis];
         }
@@ -537,13 +245,24 @@ fn arrange(
     Ok((keys, values, table.notices.clone()))
 }
 
-pub(super) fn natural(a: &str, b: &str) -> std::cmp::Ordering {
-    alphanumeric_sort::compare_str(a, b)
+/// The rows with their numbers from 1.
+fn numbered(rows: &[Row]) -> impl Iterator<Item = (NonZeroUsize, &Row)> {
+    let numbers = (1..).map_while(NonZeroUsize::new);
+    numbers.zip(rows)
 }
 
-fn quote_list(names: &[&str]) -> String {
-    let quoted: Vec<String> = names.iter().map(|n| format!("`{n}`")).collect();
-    quoted.join(", ")
+/// Points of which so few are given that the table cannot mean it: every frame holds every point,
+/// so that memory would grow with the product of both.
+fn check_density(frames: usize, points: usize, rows: usize) -> Result<()> {
+    let cells = (frames as u64).saturating_mul(points as u64);
+    let bytes = cells.saturating_mul(CELL);
+    if bytes > SPARSE_FROM && cells / MAX_SPARSENESS > rows as u64 {
+        return Err(Error::input(format!(
+            "{rows} rows name {points} points in {frames} frames; expected at least one position in \
+             {MAX_SPARSENESS} to be given: are the columns mixed up?"
+        )));
+    }
+    memory::check(bytes, "positions", "score fewer frames or points at a time")
 }
 
 fn decode(bytes: &[u8]) -> Result<&str> {

@@ -1,7 +1,10 @@
 //! Tables with one row a frame and two columns a point.
 
-use super::delimited::{Delimited, coordinate, frame, wrong_field};
-use super::{Layout, Raw, Row, Sequences, quote_list};
+use super::fields::{Delimited, coordinate, frame, wrong_field};
+use super::rows::{Raw, Row, Sequences};
+use super::write::unescaped;
+use crate::data::names::{cleaned, quote_list};
+use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 /// The names of points with the columns of x and y: `cube_x` and `cube_y`, with `_`, `.`, `-` or a
@@ -10,7 +13,7 @@ pub fn points(header: &csv::StringRecord) -> Vec<(String, [usize; 2])> {
     let split = |field: &str, axis: char| {
         let name = field.strip_suffix([axis, axis.to_ascii_uppercase()])?;
         let name = name.strip_suffix(['_', '.', '-', ' '])?.trim_end();
-        (!name.is_empty()).then(|| name.to_owned())
+        (!name.is_empty()).then(|| cleaned(name).into_owned())
     };
     let mut points = Vec::new();
     for (x, field) in header.iter().enumerate() {
@@ -59,12 +62,12 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     if !ignored.is_empty() {
         table
             .notices
-            .push(format!("ignored: {}", quote_list(&ignored)));
+            .push(format!("ignored: {}", quote_list(&ignored)).into());
     }
     if sequence_column.is_none() {
-        table.notices.push(format!(
-            "there is no column `sequence`; all rows are taken for one, `{stem}`"
-        ));
+        table.notices.push(
+            format!("there is no column `sequence`; all rows are taken for one, `{stem}`").into(),
+        );
     }
     let mut sequences = Sequences::default();
     let mut rows = Vec::new();
@@ -75,7 +78,9 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
             move |message: String| wrong_field(line, &column, message)
         };
         let sequence = match sequence_column {
-            Some(column) => sequences.number(field(column)).map_err(wrong(column))?,
+            Some(column) => sequences
+                .number(unescaped(field(column)))
+                .map_err(wrong(column))?,
             None => sequences.number(stem).map_err(wrong(0))?,
         };
         let frame = frame(field(frame_column)).map_err(wrong(frame_column))?;
@@ -104,5 +109,6 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         points: points.into_iter().map(|(name, _)| name).collect(),
         rows,
         notices: table.notices,
+        lacks_size: false,
     })
 }

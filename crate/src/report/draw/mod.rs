@@ -9,8 +9,8 @@ mod measured;
 
 use std::collections::BTreeSet;
 
+pub(super) use canvas::{Area, Done, anchored, canvas, fitted, ink_on, place, short, width_of};
 pub use canvas::{Drawn, Theme};
-pub(super) use canvas::{anchored, canvas, fitted, ink_on, place, short, width_of};
 pub(super) use decades::{Decades, above, below, power, tick};
 pub(super) use document::{document, figure};
 pub use lines::{Color, LineFigure, LineSeries, PlotArea, draw_lines, lines_to_svg};

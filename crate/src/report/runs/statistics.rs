@@ -1,5 +1,7 @@
 //! Statistics of many runs.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::group::{Group, Runs};
@@ -147,7 +149,7 @@ impl RunsReport {
         let groups: Vec<GroupReport> = runs
             .groups
             .iter()
-            .map(|group| GroupReport::new(group, &runs.objects, resamples, seed))
+            .map(|group| GroupReport::new(group, &runs.objects, Draws { resamples, seed }))
             .collect::<Result<_>>()?;
         let mut improvement = Vec::new();
         for (k, object) in runs.objects.iter().enumerate() {
@@ -278,96 +280,116 @@ impl ObjectRunsReport {
     }
 }
 
+/// How intervals are drawn.
+#[derive(Debug, Clone, Copy)]
+struct Draws {
+    resamples: usize,
+    seed: u64,
+}
+
+impl Draws {
+    /// The interval of a statistic of `values`; a single value has none.
+    fn interval(
+        self,
+        values: &[f64],
+        statistic: impl Fn(&[f64]) -> Result<f64>,
+    ) -> Result<Option<[f64; 2]>> {
+        if values.len() < 2 {
+            return Ok(None);
+        }
+        let strata = [values.to_vec()];
+        let statistic = |drawn: &[Vec<f64>]| statistic(&drawn[0]);
+        stratified_interval(&strata, self.resamples, LEVEL, self.seed, statistic).map(Some)
+    }
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// The mean of values that are drawn, of which there is at least one.
+fn average(values: &[f64]) -> Result<f64> {
+    Ok(mean(values).unwrap_or(f64::NAN))
+}
+
+impl RunReport {
+    fn new(run: &Run, objects: &[Object]) -> Self {
+        let errors: Vec<Option<f64>> = objects.iter().map(|o| run.error(&o.name)).collect();
+        let tracked = errors
+            .iter()
+            .zip(objects)
+            .filter(|(error, object)| error.is_some_and(|error| error <= object.threshold));
+        Self {
+            name: run.name.clone(),
+            architecture: run.architecture.clone(),
+            seed: run.seed,
+            epochs: run.epochs.len(),
+            tc: tracked.count() as f64 / objects.len().max(1) as f64,
+            reconstruction: run.epochs.last().map(|e| e.reconstruction),
+            errors,
+        }
+    }
+}
+
+impl ObjectRunsReport {
+    /// The statistics of `errors`, one a run in which the object was visible.
+    fn new(object: &Object, errors: &[f64], draws: Draws) -> Result<Self> {
+        let tracked: Vec<f64> = errors
+            .iter()
+            .map(|e| f64::from(u8::from(*e <= object.threshold)))
+            .collect();
+        let sample = (!errors.is_empty())
+            .then(|| Sample::of(errors))
+            .transpose()?;
+        Ok(Self {
+            name: object.name.clone(),
+            threshold: object.threshold,
+            count: errors.len(),
+            tc: mean(&tracked),
+            tc_interval: draws.interval(&tracked, average)?,
+            mean: sample.map(|s| s.mean),
+            variance: sample.map(|s| s.variance).filter(|v| v.is_finite()),
+            quartiles: sample.map(|s| s.quartiles),
+            iqm_trimmed: sample.map(|_| trimmed_mean(errors)).transpose()?,
+            iqm_window: sample.map(|_| quantile_window_mean(errors)).transpose()?,
+            iqm_interval: draws.interval(errors, trimmed_mean)?,
+        })
+    }
+}
+
 impl GroupReport {
-    fn new(group: &Group, objects: &[Object], resamples: usize, seed: u64) -> Result<Self> {
+    fn new(group: &Group, objects: &[Object], draws: Draws) -> Result<Self> {
         let runs: Vec<RunReport> = group
             .complete()
-            .map(|run| {
-                let errors: Vec<Option<f64>> = objects
-                    .iter()
-                    .map(|object| run.error(&object.name))
-                    .collect();
-                let tracked = errors
-                    .iter()
-                    .zip(objects)
-                    .filter(|(e, object)| e.is_some_and(|e| e <= object.threshold));
-                RunReport {
-                    name: run.name.clone(),
-                    architecture: run.architecture.clone(),
-                    seed: run.seed,
-                    epochs: run.epochs.len(),
-                    tc: tracked.count() as f64 / objects.len().max(1) as f64,
-                    reconstruction: run.epochs.last().map(|e| e.reconstruction),
-                    errors,
-                }
-            })
+            .map(|run| RunReport::new(run, objects))
             .collect();
-        let mean = |values: &[f64]| -> Option<f64> {
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-        };
-        // One value has no interval.
-        let interval = |values: &[f64],
-                        statistic: &dyn Fn(&[f64]) -> Result<f64>|
-         -> Result<Option<[f64; 2]>> {
-            let strata = [values.to_vec()];
-            (values.len() > 1)
-                .then(|| {
-                    stratified_interval(&strata, resamples, LEVEL, seed, |drawn| {
-                        statistic(&drawn[0])
-                    })
-                })
-                .transpose()
-        };
-        let average = |values: &[f64]| Ok(mean(values).unwrap_or(f64::NAN));
         let capabilities: Vec<f64> = runs.iter().map(|run| run.tc).collect();
-        let mut reports = Vec::new();
-        for (k, object) in objects.iter().enumerate() {
+        let object = |(k, object): (usize, &Object)| {
             let errors: Vec<f64> = runs.iter().filter_map(|run| run.errors[k]).collect();
-            let tracked: Vec<f64> = errors
-                .iter()
-                .map(|e| f64::from(u8::from(*e <= object.threshold)))
-                .collect();
-            let sample = (!errors.is_empty())
-                .then(|| Sample::of(&errors))
-                .transpose()?;
-            reports.push(ObjectRunsReport {
-                name: object.name.clone(),
-                threshold: object.threshold,
-                count: errors.len(),
-                tc: mean(&tracked),
-                tc_interval: interval(&tracked, &average)?,
-                mean: sample.map(|s| s.mean),
-                variance: sample.map(|s| s.variance).filter(|v| v.is_finite()),
-                quartiles: sample.map(|s| s.quartiles),
-                iqm_trimmed: sample.map(|_| trimmed_mean(&errors)).transpose()?,
-                iqm_window: sample.map(|_| quantile_window_mean(&errors)).transpose()?,
-                iqm_interval: interval(&errors, &trimmed_mean)?,
-            });
-        }
+            ObjectRunsReport::new(object, &errors, draws)
+        };
+        let incomplete = |run: &Arc<Run>| {
+            Some(IncompleteRun {
+                name: run.name.clone(),
+                seed: run.seed,
+                epochs: run.epochs.len(),
+                reason: run.incomplete.clone()?,
+            })
+        };
+        let epochs = group.complete().map(|run| run.epochs.len() as u32);
         Ok(Self {
             name: group.name.clone(),
             complete: runs.len(),
-            incomplete: group
-                .runs
-                .iter()
-                .filter_map(|run| {
-                    Some(IncompleteRun {
-                        name: run.name.clone(),
-                        seed: run.seed,
-                        epochs: run.epochs.len(),
-                        reason: run.incomplete.clone()?,
-                    })
-                })
-                .collect(),
+            incomplete: group.runs.iter().filter_map(incomplete).collect(),
             input: input(group),
-            epochs: group
-                .complete()
-                .map(|run| run.epochs.len() as u32)
-                .max()
-                .unwrap_or(0),
+            epochs: epochs.max().unwrap_or(0),
             tc: mean(&capabilities),
-            tc_interval: interval(&capabilities, &average)?,
-            objects: reports,
+            tc_interval: draws.interval(&capabilities, average)?,
+            objects: objects
+                .iter()
+                .enumerate()
+                .map(object)
+                .collect::<Result<_>>()?,
             runs,
         })
     }

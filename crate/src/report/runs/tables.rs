@@ -67,7 +67,7 @@ pub fn runs_csv(report: &RunsReport) -> String {
             Cell::text(group),
             Cell::text(name),
             Cell::text(""),
-            seed_cell(seed, ""),
+            seed_cell(seed),
             Cell::count(epochs as u64),
             Cell::text("false"),
             full(None),
@@ -83,7 +83,7 @@ pub fn runs_csv(report: &RunsReport) -> String {
                 Cell::text(&group.name),
                 Cell::text(&run.name),
                 Cell::text(&run.architecture),
-                seed_cell(run.seed, ""),
+                seed_cell(run.seed),
                 Cell::count(run.epochs as u64),
                 Cell::text("true"),
                 full(Some(run.tc)),
@@ -151,8 +151,9 @@ pub fn errors_csv(report: &RunsReport) -> String {
     table.to_csv()
 }
 
-fn seed_cell(seed: Option<u64>, none: &str) -> Cell {
-    seed.map_or_else(|| Cell::text(none), |seed| Cell::count(seed))
+/// A seed in a CSV file, empty where it is not known.
+fn seed_cell(seed: Option<u64>) -> Cell {
+    seed.map_or_else(|| Cell::text(""), Cell::count)
 }
 
 /// A column for every object.

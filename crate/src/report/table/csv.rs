@@ -20,7 +20,7 @@ impl Table {
 
 fn value(cell: &Cell) -> String {
     match &cell.content {
-        Content::Text(text) => quote_csv(text).into(),
+        Content::Text(text) => quote_csv(text),
         Content::Count(count) => count.to_string(),
         Content::Numbers(numbers) => {
             let value = numbers.iter().find_map(|number| number.value);

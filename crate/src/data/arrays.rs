@@ -1,0 +1,122 @@
+//! Files of named arrays, whatever their format.
+
+use super::reading::AxisOrder;
+use crate::error::{Error, Result};
+
+/// The names of arrays of frames.
+pub(super) const FRAMES: [&str; 2] = ["images", "frames"];
+
+/// The names of arrays of points.
+pub(super) const POINTS: [&str; 2] = ["keypoints", "sites"];
+
+/// The most frames of a recording: 12 days at 16 frames a second.
+const MAX_FRAMES: usize = 1 << 24;
+
+/// What an array holds, as far as this module reads it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    U8,
+    F32,
+    F64,
+}
+
+/// An array by its header.
+#[derive(Debug, Clone)]
+pub(super) struct ArrayInfo {
+    pub shape: Vec<u64>,
+    /// The type as the file names it.
+    pub dtype: String,
+    /// None where the type is not read here.
+    pub kind: Option<Kind>,
+}
+
+/// Elements of an array.
+pub(super) enum Values {
+    U8(Vec<u8>),
+    F32(Vec<f32>),
+    F64(Vec<f64>),
+}
+
+/// A file of named arrays.
+pub(super) trait ArrayFile: Send + Sync {
+    /// The names of all arrays.
+    fn names(&self) -> Result<Vec<String>>;
+
+    /// None where there is no such array.
+    fn info(&self, name: &str) -> Result<Option<ArrayInfo>>;
+
+    /// The part of a known array at the `leading` indices, row by row; the whole of it where there
+    /// are none.
+    fn read(&self, name: &str, leading: &[u64]) -> Result<Values>;
+
+    /// Compares the checksum of an array that is read in parts, where there is one.
+    fn verify(&self, _name: &str) -> Result<()> {
+        Ok(())
+    }
+
+    /// Where the part of a known array at the `leading` indices lies in the array's file, header
+    /// included, and its size, in bytes; None where it does not lie in one piece.
+    fn place(&self, _name: &str, _leading: &[u64]) -> Option<(u64, u64)> {
+        None
+    }
+
+    /// The axis order that the file itself states.
+    fn axes(&self) -> Option<AxisOrder>;
+
+    /// The names of the points that the file itself states.
+    fn point_names(&self) -> Result<Option<Vec<String>>>;
+}
+
+/// The one array of two possible names.
+pub(super) fn find(
+    file: &dyn ArrayFile,
+    names: [&'static str; 2],
+) -> Result<Option<(&'static str, ArrayInfo)>> {
+    match [file.info(names[0])?, file.info(names[1])?] {
+        [Some(_), Some(_)] => Err(Error::input(format!(
+            "both `{}` and `{}` are there; expected one of them",
+            names[0], names[1]
+        ))),
+        [Some(info), None] => Ok(Some((names[0], info))),
+        [None, Some(info)] => Ok(Some((names[1], info))),
+        [None, None] => Ok(None),
+    }
+}
+
+pub(super) fn count(n: u64, name: &str, shape: &[u64]) -> Result<usize> {
+    usize::try_from(n)
+        .ok()
+        .filter(|n| (1..1 << 31).contains(n))
+        .ok_or_else(|| {
+            Error::input(format!(
+                "`{name}` has shape {shape:?}; expected at least one sequence, frame and point"
+            ))
+        })
+}
+
+/// Checks that an array does not declare more frames than a recording can have: the names of frames
+/// are kept in memory, and an HDF5 file of a kilobyte can declare any number.
+pub(super) fn check_frames(
+    sequences: usize,
+    frames: usize,
+    name: &str,
+    shape: &[u64],
+) -> Result<()> {
+    match sequences.checked_mul(frames) {
+        Some(all) if all <= MAX_FRAMES => Ok(()),
+        _ => Err(Error::input(format!(
+            "`{name}` has shape {shape:?}; expected at most {MAX_FRAMES} frames: split the recording"
+        ))),
+    }
+}
+
+pub(super) fn listed(names: &[String]) -> String {
+    match names {
+        [] => "nothing".to_owned(),
+        _ => names
+            .iter()
+            .map(|n| format!("`{n}`"))
+            .collect::<Vec<_>>()
+            .join(", "),
+    }
+}

@@ -1,0 +1,190 @@
+//! Numpy arrays (`.npy`).
+
+use std::io::Read;
+
+use super::arrays::{ArrayInfo, Kind, Values};
+use crate::error::{Error, Result};
+
+/// The first bytes of a `.npy` array.
+pub(super) const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
+/// Longer than the header of any array of numbers; a guard against damaged files.
+pub(super) const MAX_HEADER: u32 = 1 << 16;
+
+/// The header of a `.npy` array. Own code: it is a Python dictionary of three keys that numpy
+/// always writes in the same form, and the libraries that read it bring a parser generator and a C
+/// compiler.
+pub(super) struct Header {
+    pub dtype: String,
+    pub fortran: bool,
+    pub shape: Vec<u64>,
+    /// Bytes of an element.
+    pub item: u64,
+    /// Bytes before the first element.
+    pub length: u64,
+}
+
+impl Header {
+    pub fn read(reader: &mut impl Read) -> Result<Self> {
+        let mut start = [0; 8];
+        reader.read_exact(&mut start).map_err(|e| damaged(&e))?;
+        if start[..6] != *MAGIC {
+            return Err(Error::input("not a numpy array"));
+        }
+        let mut size = [0; 4];
+        let size_bytes = if start[6] == 1 { 2 } else { 4 };
+        reader
+            .read_exact(&mut size[..size_bytes])
+            .map_err(|e| damaged(&e))?;
+        let size = u32::from_le_bytes(size);
+        let mut text = Vec::new();
+        if (1..=3).contains(&start[6]) && size <= MAX_HEADER {
+            reader
+                .take(u64::from(size))
+                .read_to_end(&mut text)
+                .map_err(|e| damaged(&e))?;
+        }
+        let text = String::from_utf8_lossy(&text).into_owned();
+        let length = 8 + size_bytes as u64 + u64::from(size);
+        Self::parse(&text, length).ok_or_else(|| {
+            Error::input(format!(
+                "the header of the numpy array is not understood: `{}`; expected an array of numbers or strings",
+                text.trim_end()
+            ))
+        })
+    }
+
+    fn parse(text: &str, length: u64) -> Option<Self> {
+        let value = |key: &str| {
+            Some(
+                text.split_once(key)?
+                    .1
+                    .trim_start()
+                    .strip_prefix(':')?
+                    .trim_start(),
+            )
+        };
+        let dtype = value("'descr'")?.strip_prefix('\'')?.split_once('\'')?.0;
+        let fortran = value("'fortran_order'")?.starts_with("True");
+        let shape = value("'shape'")?.strip_prefix('(')?.split_once(')')?.0;
+        let shape: Option<Vec<u64>> = shape
+            .split(',')
+            .map(str::trim)
+            .filter(|n| !n.is_empty())
+            .map(|n| n.parse().ok())
+            .collect();
+        let width: u64 = dtype.get(2..)?.parse().ok()?;
+        let unit = if dtype.get(1..2)? == "U" { 4 } else { 1 };
+        Some(Self {
+            dtype: dtype.to_owned(),
+            fortran,
+            shape: shape?,
+            item: width.checked_mul(unit)?,
+            length,
+        })
+    }
+
+    /// The size of all elements; an error when the array does not have `size` bytes.
+    pub fn check(&self, name: &str, size: u64) -> Result<u64> {
+        let bytes = self
+            .bytes()
+            .filter(|b| b.checked_add(self.length) == Some(size));
+        bytes.ok_or_else(|| {
+            Error::input(format!(
+                "`{name}` has {} bytes, shape {:?} of {} needs {}; is the file complete?",
+                size.saturating_sub(self.length),
+                self.shape,
+                self.dtype,
+                self.bytes()
+                    .map_or("more than there can be".to_owned(), |b| b.to_string())
+            ))
+        })
+    }
+
+    /// Where the elements at the `leading` indices begin, after the header, and their size in
+    /// bytes.
+    pub fn part(&self, leading: &[u64]) -> (u64, u64) {
+        let count: u64 = self.shape[leading.len()..].iter().product();
+        let strides = self.shape[..leading.len()].iter().zip(leading);
+        let start = strides.fold(0, |start, (size, i)| start * size + i) * count;
+        (start * self.item, count * self.item)
+    }
+
+    /// The numbers that `bytes` hold.
+    pub fn values(&self, name: &str, bytes: &[u8]) -> Result<Values> {
+        if self.fortran {
+            return Err(Error::input(format!(
+                "`{name}` is stored column by column; save np.ascontiguousarray of it"
+            )));
+        }
+        let big = self.dtype.starts_with('>');
+        Ok(match self.kind() {
+            Some(Kind::U8) => Values::U8(bytes.to_vec()),
+            Some(Kind::F32) if big => Values::F32(numbers(bytes, f32::from_be_bytes)),
+            Some(Kind::F32) => Values::F32(numbers(bytes, f32::from_le_bytes)),
+            Some(Kind::F64) if big => Values::F64(numbers(bytes, f64::from_be_bytes)),
+            Some(Kind::F64) => Values::F64(numbers(bytes, f64::from_le_bytes)),
+            None => {
+                return Err(Error::input(format!(
+                    "`{name}` is of type {}, which is not read",
+                    self.dtype
+                )));
+            }
+        })
+    }
+
+    /// The array by its header.
+    pub fn info(&self) -> ArrayInfo {
+        ArrayInfo {
+            shape: self.shape.clone(),
+            dtype: self.dtype.clone(),
+            kind: self.kind(),
+        }
+    }
+
+    fn kind(&self) -> Option<Kind> {
+        match &self.dtype[1..] {
+            "u1" => Some(Kind::U8),
+            "f4" => Some(Kind::F32),
+            "f8" => Some(Kind::F64),
+            _ => None,
+        }
+    }
+
+    /// The size of all elements.
+    fn bytes(&self) -> Option<u64> {
+        self.shape
+            .iter()
+            .try_fold(self.item, |bytes, n| bytes.checked_mul(*n))
+    }
+}
+
+fn numbers<T, const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> T) -> Vec<T> {
+    bytes
+        .as_chunks()
+        .0
+        .iter()
+        .map(|bytes| number(*bytes))
+        .collect()
+}
+
+/// The header of a `.npy` array of numpy type `dtype`.
+pub(super) fn header(dtype: &str, shape: &[usize]) -> Vec<u8> {
+    let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
+    let mut text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({sizes}), }}");
+    // numpy aligns the first element to 64 bytes.
+    let padding = 63 - (10 + text.len()) % 64;
+    text.push_str(&" ".repeat(padding));
+    text.push('\n');
+    let mut header = MAGIC.to_vec();
+    header.extend([1, 0]);
+    header.extend((text.len() as u16).to_le_bytes());
+    header.extend(text.as_bytes());
+    header
+}
+
+pub(super) fn damaged(error: &std::io::Error) -> Error {
+    Error::input(format!(
+        "the array cannot be read ({error}); is the file complete?"
+    ))
+}

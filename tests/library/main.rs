@@ -1,0 +1,21 @@
+//! The library: the metric and its statistics, files, checkpoints, the engine.
+
+#[cfg(feature = "data")]
+#[path = "../shared/mod.rs"]
+mod shared;
+
+#[cfg(feature = "data")]
+mod archive;
+#[cfg(feature = "data")]
+mod checkpoint;
+mod context;
+#[cfg(all(feature = "engine", feature = "jpeg-webp"))]
+mod data;
+#[cfg(feature = "engine")]
+mod engine;
+#[cfg(all(feature = "engine", feature = "hdf5"))]
+mod formats;
+mod metric;
+mod stats;
+#[cfg(feature = "data")]
+mod tables;

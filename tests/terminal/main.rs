@@ -1,0 +1,12 @@
+//! The `tracklens` command.
+
+#[path = "../shared/runs.rs"]
+mod runs;
+
+mod cli;
+mod cli_checkpoint;
+mod evaluation;
+mod recorder;
+mod report;
+#[cfg(all(feature = "train", unix))]
+mod sweep;
