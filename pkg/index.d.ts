@@ -367,6 +367,21 @@ export interface ObjectEvaluation {
   map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
 }
 
+/** What a recording can say about one object. */
+export interface Sufficiency {
+  name: string;
+  /** The mean squared distance of the object from its mean position, ndc. */
+  variance: number;
+  /** Independent observations that its frames amount to. */
+  observations: number;
+  /** A bound on the probability that random keypoints pass for tracking. */
+  chance: number;
+  /** Whether `chance` is at most 0.05. */
+  known: boolean;
+  /** What would be enough; `null` where it is, or the variance is not above the threshold. */
+  needed: { frames: number; sequences: number | null } | null;
+}
+
 /** Held-out folds: maps and best keypoints are of the other folds. */
 export interface HeldOut {
   folds: number;
@@ -404,14 +419,17 @@ export interface Context {
 
 /** The result, as `tracklens score --json` prints it; `docs/metrics.md` describes every field. */
 export interface Evaluation {
-  schema: "tracklens/evaluation/2";
+  schema: "tracklens/evaluation/3";
   version: string;
   /** The command that repeats it. */
   command?: string;
-  tc: number;
+  /** `null`: an object has not enough data to tell tracking from chance; see `sufficiency` and `warnings`. */
+  tc: number | null;
   frames: number;
   /** Frames left out because a keypoint was not finite. */
   excluded: number;
+  /** For every keypoint, the frames in which it is missing; present where one is. */
+  missing?: number[];
   transform: "identity" | "scale-translate" | "affine";
   rank: "reference" | "centred";
   /** How `objects` and `errors` were fitted and scored: on the same frames, as in the authors' code. */
@@ -427,7 +445,9 @@ export interface Evaluation {
     unmatched_frames: { count: number; first: string[] };
     unmatched_rows: { count: number; first: string[] };
   };
-  /** With `folds`. */
+  /** Whether the data were enough to tell tracking from chance, by object. */
+  sufficiency?: Sufficiency[];
+  /** Where there are two sequences or more, unless `folds` is 0. */
   held_out?: HeldOut;
   /** With `bootstrap`. */
   intervals?: Intervals;
@@ -500,11 +520,14 @@ export interface Series {
 
 /** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
 export class Scoring {
-  /** @param onNonFinite what to do with frames in which a keypoint is not finite; default `error`. */
+  /**
+   * @param onNonFinite what to do with frames in which a keypoint is missing; default `exclude-point`: they do not
+   *   count for that keypoint.
+   */
   constructor(
     truth: GroundTruthTable,
     keypoints: KeypointTable,
-    onNonFinite?: "error" | "exclude-frame",
+    onNonFinite?: "exclude-point" | "error" | "exclude-frame",
   );
   readonly join: JoinReport;
   /** The number of joined frames T. */

@@ -2,19 +2,19 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
-import { showComparison } from "./compare.js";
-import { RunsComparison } from "./comparison.js";
-import { DeviceExtractor } from "./device-extractor.js";
-import { showDevices } from "./device-view.js";
-import { announce, byId } from "./dom.js";
+import { showComparison } from "./comparison/view.js";
+import { RunsComparison } from "./comparison/comparison.js";
+import { DeviceExtractor } from "./extraction/device-extractor.js";
+import { showDevices } from "./extraction/device-view.js";
+import { announce, byId } from "./ui/dom.js";
 import { embed, embedder } from "./embed.js";
-import { fetchExample } from "./example.js";
-import { WorkerPool } from "./extraction-pool.js";
-import { showExtraction } from "./extraction-view.js";
-import { showFiles } from "./files-view.js";
-import { fromDrop, fromInput } from "./files.js";
+import { fetchExample } from "./files/example.js";
+import { WorkerPool } from "./extraction/pool.js";
+import { showExtraction } from "./extraction/view.js";
+import { showFiles } from "./files/view.js";
+import { fromDrop, fromInput } from "./files/sources.js";
 import { keepOffline } from "./offline.js";
-import { showResults } from "./results.js";
+import { showResults } from "./results/results.js";
 import { Session } from "./session.js";
 import { showViewer } from "./viewer/viewer.js";
 
@@ -67,16 +67,17 @@ function takeFiles(session) {
   // Entering a child fires before leaving its parent, so it takes a count to know that the page was
   // left.
   let depth = 0;
-  const isFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
+  const isFiles = (/** @type {DragEvent} */ event) =>
+    event.dataTransfer?.types.includes("Files") ?? false;
   const over = (/** @type {number} */ next) => {
     depth = Math.max(0, next);
     overlay.hidden = depth === 0;
   };
   window.addEventListener("dragenter", (event) => isFiles(event) && over(depth + 1));
   window.addEventListener("dragleave", (event) => isFiles(event) && over(depth - 1));
-  window.addEventListener("drop", async (event) => {
+  window.addEventListener("drop", (event) => {
     over(0);
-    if (event.dataTransfer && isFiles(event)) void session.add(await fromDrop(event.dataTransfer));
+    if (event.dataTransfer && isFiles(event)) void session.add(fromDrop(event.dataTransfer));
   });
 }
 
@@ -88,10 +89,10 @@ function takeFiles(session) {
 function showState(session) {
   const main = byId("main");
   const update = () => {
-    const taken = session.entries.length + session.images.size + session.containers.length > 0;
+    const taken = session.library.size > 0;
     const before = main.dataset.state;
     let state = taken ? "waiting" : "empty";
-    if (session.evaluation) state = "scored";
+    if (session.score.evaluation) state = "scored";
     if (session.extraction?.status === "running") state = "extracting";
     if (session.reading) state = "reading";
     if (state === before) return;
@@ -100,8 +101,7 @@ function showState(session) {
     byId("workspace").hidden = state === "empty";
     if (state === "empty") announce("");
   };
-  for (const topic of ["files", "reading", "extraction", "scoring", "evaluation"]) {
-    session.addEventListener(topic, update);
-  }
+  for (const topic of ["files", "reading", "extraction"]) session.addEventListener(topic, update);
+  for (const topic of ["scoring", "evaluation"]) session.score.addEventListener(topic, update);
   update();
 }

@@ -5,7 +5,8 @@
  * docs/embedding.md.
  */
 
-import { byId, h } from "./dom.js";
+import { messageOf } from "./errors.js";
+import { byId, h } from "./ui/dom.js";
 import { version } from "./pkg/index.js";
 
 /**
@@ -16,7 +17,10 @@ import { version } from "./pkg/index.js";
 /** Of the messages; another number is another protocol. */
 const PROTOCOL = 1;
 
-/** The origin that the page is embedded for; `null` when it is not embedded, empty when it talks with nobody. */
+/**
+ * The origin that the page is embedded for; `null` when it is not embedded, empty when it talks
+ * with nobody.
+ */
 export function embedder() {
   const given = new URLSearchParams(location.search).get("embed");
   if (given === null) return null;
@@ -36,7 +40,12 @@ export function embed(session, origin) {
   const around = window.parent;
   if (origin === "" || around === window) return;
   byId("embedded").append(
-    h("p", {}, `Shown inside ${origin}, which gets the results of the files in here. Nothing is sent anywhere else.`),
+    h(
+      "p",
+      {},
+      `Shown inside ${origin}, which gets the results of the files in here. Nothing is sent ` +
+        "anywhere else.",
+    ),
   );
   byId("embedded").hidden = false;
 
@@ -47,8 +56,8 @@ export function embed(session, origin) {
 
   const complain = () => {
     const problems = [
-      ...Array.from(session.problems.values(), ({ text }) => text),
-      ...session.broken.map(({ error }) => error),
+      ...session.problems.all.map(({ text }) => text),
+      ...session.library.broken.map(({ error }) => error),
       ...session.needs.filter(({ met }) => !met).map(({ label }) => `needed for a score: ${label}`),
     ];
     say({ type: "problem", problems });
@@ -63,26 +72,32 @@ export function embed(session, origin) {
         return;
       }
       if (data.type !== "open" && data.type !== "add") {
-        throw new Error(`a message of type ${JSON.stringify(data.type)}; expected "open", "add" or "clear"`);
+        throw new Error(
+          `a message of type ${JSON.stringify(data.type)}; expected "open", "add" or "clear"`,
+        );
       }
       const sources = filesOf(data.files);
       if (data.type === "open") session.clear();
       applyOptions(session, data.options ?? {});
       await session.add(sources);
-      if (!session.evaluation && session.extraction?.status !== "running") complain();
+      if (!session.score.evaluation && session.extraction?.status !== "running") complain();
     } catch (error) {
-      say({ type: "problem", problems: [error instanceof Error ? error.message : String(error)] });
+      say({ type: "problem", problems: [messageOf(error)] });
     }
   });
 
-  session.addEventListener("evaluation", () => {
-    if (session.evaluation) say({ type: "result", evaluation: session.evaluation });
+  session.score.addEventListener("evaluation", () => {
+    if (session.score.evaluation) say({ type: "result", evaluation: session.score.evaluation });
   });
   session.addEventListener("extraction", () => {
     const { extraction, frameSources } = session;
     if (extraction?.status === "failed") say({ type: "problem", problems: [extraction.error] });
     else if (extraction?.status === "running") {
-      say({ type: "progress", done: extraction.extracted.size + extraction.failures.size, total: frameSources.length });
+      say({
+        type: "progress",
+        done: extraction.extracted.size + extraction.failures.size,
+        total: frameSources.length,
+      });
     }
   });
   say({ type: "ready", version: version() });
@@ -90,15 +105,22 @@ export function embed(session, origin) {
 
 /**
  * @param {unknown} files
- * @returns {import("./files.js").Source[]}
+ * @returns {import("./files/sources.js").Source[]}
  */
 function filesOf(files) {
   if (!Array.isArray(files)) throw new Error("`files` is no array; expected [{ path, data }, …]");
   return files.map((/** @type {GivenFile} */ file, i) => {
     const { path, data } = file ?? {};
-    const isData = data instanceof Blob || data instanceof ArrayBuffer || ArrayBuffer.isView(data) || typeof data === "string";
+    const isData =
+      data instanceof Blob ||
+      data instanceof ArrayBuffer ||
+      ArrayBuffer.isView(data) ||
+      typeof data === "string";
     if (typeof path !== "string" || path === "" || !isData) {
-      throw new Error(`files[${i}]: expected { path: "folder/name", data: Blob, ArrayBuffer, typed array or text }`);
+      throw new Error(
+        `files[${i}]: expected { path: "folder/name", data: Blob, ArrayBuffer, typed array or ` +
+          "text }",
+      );
     }
     return { path, blob: data instanceof Blob ? data : new Blob([data]) };
   });
@@ -109,6 +131,8 @@ function filesOf(files) {
  * @param {import("./pkg/index.js").ScoreOptions} options
  */
 function applyOptions(session, { transform, rank, thresholds }) {
-  if (transform || rank) session.setOptions({ ...(transform && { transform }), ...(rank && { rank }) });
-  for (const [object, threshold] of Object.entries(thresholds ?? {})) session.setThreshold(object, threshold);
+  if (transform || rank)
+    session.score.setOptions({ ...(transform && { transform }), ...(rank && { rank }) });
+  for (const [object, threshold] of Object.entries(thresholds ?? {}))
+    session.score.setThreshold(object, threshold);
 }

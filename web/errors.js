@@ -1,5 +1,10 @@
 // @ts-check
-/** What was thrown. */
+/** What was thrown: its message, and what the package says of its cause. */
+
+/**
+ * What is wrong with the input, as data: `type` names the fault, the other members depend on it.
+ * @typedef {{ type: string, [member: string]: unknown }} Reason
+ */
 
 /** @param {unknown} error */
 export function messageOf(error) {
@@ -7,9 +12,10 @@ export function messageOf(error) {
 }
 
 /**
- * What an error of the package is about.
+ * The cause of an error of the package, where it gives one.
  * @param {unknown} error
+ * @returns {Reason | null}
  */
-export function kindOf(error) {
-  return /** @type {{ kind?: string }} */ (error)?.kind;
+export function reasonOf(error) {
+  return /** @type {{ reason?: Reason }} */ (error)?.reason ?? null;
 }

@@ -1,7 +1,7 @@
 // @ts-check
 /**
  * Entry of the page: loads the package, then the application. What keeps the page from working is
- * said here.
+ * reported here.
  */
 
 // A file dropped before the application is ready must not make the browser leave the page.
@@ -24,7 +24,8 @@ try {
   message.dataset.kind = "error";
   message.setAttribute("role", "alert");
   message.textContent =
-    "tracklens could not be loaded. It needs WebAssembly with SIMD: Chrome or Edge 91, Firefox 89, Safari 16.4 or " +
+    "tracklens could not be loaded. It needs WebAssembly with SIMD: Chrome or Edge 91, Firefox " +
+    "89, Safari 16.4 or " +
     `later. If the browser is a recent one, reload the page. (${detail})`;
   place.append(message);
   place.hidden = false;

@@ -1,9 +1,9 @@
 // @ts-check
 /**
- * A score: joined points, how they are scored, what comes out, and which of it is on display. A
- * session of files fills it. The views listen to its events: `scoring` (another set of joined
- * points), `evaluation` (other options over the same points), `intervals`, `selection` and `choice`
- * (of other keypoints than the best ones).
+ * A score: joined points, how they are scored, what comes out, and what of it is on display. A
+ * session fills it from files. The views listen to its events: `scoring` (another set of joined
+ * points), `evaluation` (other options for the same points), `intervals`, `selection` and `choice`
+ * (a keypoint other than the best one).
  */
 
 import { latentToImage } from "./pkg/index.js";
@@ -11,10 +11,9 @@ import { messageOf } from "./errors.js";
 import { load, store } from "./settings.js";
 
 /**
- * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./intake.js").Entry} Entry
- * @typedef {import("./saved.js").SavedEvaluation} SavedEvaluation
+ * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("./files/sources.js").Source} Source
+ * @typedef {import("./files/saved.js").SavedEvaluation} SavedEvaluation
  * @typedef {import("./pkg/index.js").CommandInputs} CommandInputs
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").Intervals} Intervals
@@ -23,12 +22,6 @@ import { load, store } from "./settings.js";
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
  * @typedef {import("./pkg/index.js").Series & { distances: Float64Array }} Series
  *
- * Something the user should know, with the remedy where the page has one.
- * @typedef {object} Problem
- * @property {"error" | "warning" | "info"} kind
- * @property {string} text
- * @property {{ label: string, run: () => void }} [action]
- *
  * Joined points and what they belong to.
  * @typedef {object} Points
  * @property {Scoring} scoring
@@ -36,11 +29,19 @@ import { load, store } from "./settings.js";
  * @property {[number, number][]} sizes width and height by joined frame, or one for all; empty: not
  * known
  * @property {OpenEncoder | null} encoder whose latent space the keypoints are in
+ * @property {CommandInputs} inputs the files, as a command names them
+ *
+ * How points are scored. `thresholds` holds those that were edited, by object.
+ * @typedef {{ transform: Evaluation["transform"], rank: Evaluation["rank"], thresholds: Map<string,
+ * number> }} Options
+ *
+ * An evaluation that was read from a file.
+ * @typedef {{ path: string, evaluation: SavedEvaluation }} Saved
  */
 
-/** Of the intervals. */
+/** Resamples that the intervals are taken from. */
 const RESAMPLES = 1000;
-/** Milliseconds that a step of drawing them may take, so that the page stays at hand. */
+/** Milliseconds that a step of resampling may take, so that the page stays responsive. */
 const STEP_MS = 24;
 
 const TRANSFORMS = ["identity", "scale-translate", "affine"];
@@ -50,18 +51,18 @@ const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" 
 const KEPT_SERIES = 8;
 
 export class Score extends EventTarget {
-  /** What the user should know, by what it is about. @type {Map<string, Problem>} */
-  problems = new Map();
-
   /** @type {Scoring | null} */
   scoring = null;
   /** @type {Evaluation | null} */
   evaluation = null;
-  /** The file that `evaluation` was read from, when nothing is scored. @type {Entry | null} */
+  /** The saved evaluation on display, when nothing is scored. @type {Saved | null} */
   savedIn = null;
-  /** Thresholds nobody edited, by object. @type {Record<string, number>} */
-  defaultThresholds = {};
-  /** @type {ScoreOptions} */
+  /**
+   * Thresholds that apply where none is set, by object, as far as known.
+   * @type {Map<string, number>}
+   */
+  defaultThresholds = new Map();
+  /** @type {Options} */
   options;
   /** What is asked of the sequences: folds to hold out (0: none), intervals. */
   resampling = { folds: 0, intervals: false };
@@ -76,8 +77,14 @@ export class Score extends EventTarget {
   /** Object and joined frame on display. */
   selection = { object: 0, frame: 0 };
 
+  #problems;
   #remembers;
-  /** Keypoints the user looks at in place of the best ones, by object. @type {Map<number, number>} */
+  /** @type {CommandInputs | null} */
+  #inputs = null;
+  /**
+   * Keypoints the user looks at in place of the best ones, by object.
+   * @type {Map<number, number>}
+   */
   #chosen = new Map();
   /** @type {Points["pictures"]} */
   #pictures = [];
@@ -88,9 +95,13 @@ export class Score extends EventTarget {
   /** The last ones asked for. @type {Map<string, Series>} */
   #series = new Map();
 
-  /** @param {boolean} remembers whether options outlast the page */
-  constructor(remembers) {
+  /**
+   * @param {import("./files/problems.js").Problems} problems
+   * @param {{ remembers: boolean }} settings whether options outlast the page
+   */
+  constructor(problems, { remembers }) {
     super();
+    this.#problems = problems;
     this.#remembers = remembers;
     this.options = this.#startOptions();
   }
@@ -101,7 +112,7 @@ export class Score extends EventTarget {
    * Scores other points.
    * @param {Points} points
    */
-  show({ scoring, pictures, sizes, encoder }) {
+  show({ scoring, pictures, sizes, encoder, inputs }) {
     this.scoring = scoring;
     this.objects = scoring.objects;
     this.sequences = scoring.sequences;
@@ -109,6 +120,7 @@ export class Score extends EventTarget {
     this.#pictures = pictures;
     this.#sizes = sizes;
     this.#encoder = encoder;
+    this.#inputs = inputs;
     this.selection = {
       object: Math.min(this.selection.object, this.objects.length - 1),
       frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
@@ -119,19 +131,19 @@ export class Score extends EventTarget {
 
   /**
    * Shows an evaluation that was saved.
-   * @param {Entry} entry
+   * @param {Saved} saved
    */
-  showSaved(entry) {
-    const { evaluation } = /** @type {SavedEvaluation} */ (entry.content);
-    this.savedIn = entry;
+  showSaved(saved) {
+    const { evaluation } = saved.evaluation;
+    this.savedIn = saved;
     this.evaluation = evaluation;
     this.objects = evaluation.objects.map(({ name }) => name);
     this.selection = { object: Math.min(this.selection.object, this.objects.length - 1), frame: 0 };
     this.emit("evaluation");
   }
 
-  /** Forgets the points, which are given back elsewhere. */
-  forgetScore() {
+  /** Forgets the points; whoever made them gives them back. */
+  forget() {
     this.scoring = null;
     this.evaluation = null;
     this.savedIn = null;
@@ -142,6 +154,7 @@ export class Score extends EventTarget {
     this.#pictures = [];
     this.#sizes = [];
     this.#encoder = null;
+    this.#inputs = null;
     this.#chosen.clear();
     this.#series.clear();
   }
@@ -152,14 +165,14 @@ export class Score extends EventTarget {
     this.resampling = { folds: 0, intervals: false };
   }
 
-  /** The evaluation that was saved and is on display. @returns {SavedEvaluation | null} */
+  /** The evaluation that was saved and is on display. */
   get saved() {
-    return /** @type {SavedEvaluation | null} */ (this.savedIn?.content ?? null);
+    return this.savedIn?.evaluation ?? null;
   }
 
   // How
 
-  /** @param {Partial<Pick<ScoreOptions, "transform" | "rank">>} options */
+  /** @param {Partial<Pick<Options, "transform" | "rank">>} options */
   setOptions(options) {
     Object.assign(this.options, options);
     this.#remember();
@@ -171,10 +184,10 @@ export class Score extends EventTarget {
    * @param {number | null} threshold `null` for the default
    */
   setThreshold(object, threshold) {
-    const thresholds = { ...this.options.thresholds };
-    if (threshold === null) delete thresholds[object];
-    else thresholds[object] = threshold;
-    this.options.thresholds = thresholds;
+    const { thresholds } = this.options;
+    if (threshold === null || threshold === this.defaultThresholds.get(object)) {
+      thresholds.delete(object);
+    } else thresholds.set(object, threshold);
     this.#remember();
     this.#evaluate();
   }
@@ -183,6 +196,11 @@ export class Score extends EventTarget {
   setResampling(resampling) {
     Object.assign(this.resampling, resampling);
     this.#evaluate();
+  }
+
+  /** The held-out errors, if they are asked for in place of those on the same frames. */
+  get shownHeldOut() {
+    return this.folds > 0 ? this.evaluation?.held_out : undefined;
   }
 
   /** The number of folds that are held out; no more than there are sequences. */
@@ -212,18 +230,10 @@ export class Score extends EventTarget {
 
   /** The command of the terminal that repeats the evaluation. */
   command() {
-    if (!this.scoring) return this.evaluation?.command ?? "";
-    const bootstrap = this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
-    return this.scoring.command(this.commandInputs(), { ...this.#scoreOptions(), ...bootstrap });
-  }
-
-  /**
-   * The files, as a command names them.
-   * @abstract
-   * @returns {CommandInputs}
-   */
-  commandInputs() {
-    throw new Error("only a session knows its files");
+    if (!this.scoring || !this.#inputs) return this.evaluation?.command ?? "";
+    const bootstrap =
+      this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
+    return this.scoring.command(this.#inputs, { ...this.#scoreOptions(), ...bootstrap });
   }
 
   // On display
@@ -294,9 +304,11 @@ export class Score extends EventTarget {
   worstFrames(object, keypoint, most) {
     const { scoring } = this;
     if (!scoring) {
-      const worst = this.errorsBySequence(object, keypoint).map(({ sequence, worst: position, worstFrame: frame, worstError: distance }) => ({
-        ...{ position, sequence, frame, distance },
-      }));
+      const worst = this.errorsBySequence(object, keypoint).map(
+        ({ sequence, worst: position, worstFrame: frame, worstError: distance }) => ({
+          ...{ position, sequence, frame, distance },
+        }),
+      );
       return worst.sort((a, b) => b.distance - a.distance).slice(0, most);
     }
     const distances = scoring.distances(object, keypoint, this.#mapOptions());
@@ -316,7 +328,10 @@ export class Score extends EventTarget {
     return this.#sizes.length === 1 ? this.#sizes[0] : null;
   }
 
-  /** Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken as ndc. */
+  /**
+   * Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken
+   * as ndc.
+   */
   get placesKeypoints() {
     return this.#encoder !== null && this.#sizes.length > 0;
   }
@@ -340,7 +355,9 @@ export class Score extends EventTarget {
    * @returns {SequenceRange | null}
    */
   sequenceOf(frame) {
-    return this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null;
+    return (
+      this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null
+    );
   }
 
   /**
@@ -394,7 +411,9 @@ export class Score extends EventTarget {
    */
   placed(points, frame) {
     const size = this.imageSize ?? this.#sizes[frame];
-    return this.#encoder && size ? latentToImage(this.#encoder.info.config, points, ...size) : points;
+    return this.#encoder && size
+      ? latentToImage(this.#encoder.info.config, points, ...size)
+      : points;
   }
 
   // What follows
@@ -405,22 +424,22 @@ export class Score extends EventTarget {
   }
 
   #remember() {
-    const { transform, rank, thresholds } = this.options;
+    const { transform, rank } = this.options;
+    const thresholds = Object.fromEntries(this.options.thresholds);
     if (this.#remembers) store("score", { transform, rank, thresholds });
     this.#dropReminder();
   }
 
   /** Says which settings of an earlier visit are in force: a result must not surprise. */
   #remind() {
-    const { transform, rank, thresholds = {} } = this.#scoreOptions();
-    const edited = Object.entries(thresholds).filter(([name, value]) => value !== this.defaultThresholds[name]);
+    const { transform, rank } = this.options;
     const kept = [
-      ...edited.map(([name, value]) => `threshold ${value} for ${name}`),
+      ...this.#editedThresholds.map(([name, value]) => `threshold ${value} for ${name}`),
       transform !== DEFAULTS.transform && `map ${transform}`,
       rank !== DEFAULTS.rank && `rank rule ${rank}`,
     ].filter(Boolean);
     if (kept.length === 0 || !this.#remembers) return;
-    this.report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
+    this.#problems.report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {
       label: "Use the defaults",
       run: () => this.#scoreByDefault(),
     });
@@ -428,14 +447,14 @@ export class Score extends EventTarget {
 
   /** Scores as on the first visit. */
   #scoreByDefault() {
-    Object.assign(this.options, DEFAULTS, { thresholds: {} });
+    Object.assign(this.options, DEFAULTS, { thresholds: new Map() });
     this.#remember();
     this.#evaluate();
     this.emit("scoring");
   }
 
   #dropReminder() {
-    if (this.problems.delete("remembered")) this.emit("files");
+    if (this.#problems.delete("remembered")) this.#problems.changed();
   }
 
   #evaluate() {
@@ -443,24 +462,32 @@ export class Score extends EventTarget {
     this.#series.clear();
     try {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
-      const defaults = this.scoring.evaluate(this.#mapOptions());
-      this.defaultThresholds = Object.fromEntries(defaults.objects.map(({ name, threshold }) => [name, threshold]));
-      const [failed, undrawn] = ["evaluation", "intervals"].map((key) => this.problems.delete(key));
-      if (failed || undrawn) this.emit("files");
+      this.#learnDefaults(this.evaluation);
+      const [failed, undrawn] = ["evaluation", "intervals"].map((key) =>
+        this.#problems.delete(key),
+      );
+      if (failed || undrawn) this.#problems.changed();
     } catch (error) {
       this.evaluation = null;
-      this.report("evaluation", "error", messageOf(error), {
+      this.#problems.report("evaluation", "error", messageOf(error), {
         label: "Score with the defaults",
         run: () => {
           Object.assign(this.resampling, { folds: 0, intervals: false });
           this.#scoreByDefault();
         },
       });
-      this.emit("files");
+      this.#problems.changed();
     }
     this.intervals = null;
     this.emit("evaluation");
     void this.#drawIntervals();
+  }
+
+  /** The thresholds in force that were not set are the defaults. @param {Evaluation} evaluation */
+  #learnDefaults({ objects }) {
+    for (const { name, threshold } of objects) {
+      if (!this.options.thresholds.has(name)) this.defaultThresholds.set(name, threshold);
+    }
   }
 
   /** Draws the intervals in steps, until they are there or belong to another evaluation. */
@@ -472,7 +499,7 @@ export class Score extends EventTarget {
     try {
       bootstrap = scoring.bootstrap(this.#scoreOptions());
       let step = 1;
-      for (let left = RESAMPLES; left > 0; ) {
+      for (let left = RESAMPLES; left > 0;) {
         await new Promise((done) => setTimeout(done));
         if (this.evaluation !== evaluation) return;
         const start = performance.now();
@@ -484,11 +511,18 @@ export class Score extends EventTarget {
       this.emit("intervals");
     } catch (error) {
       this.resampling.intervals = false;
-      this.report("intervals", "error", `The intervals cannot be drawn: ${messageOf(error)}`);
-      for (const topic of ["files", "scoring"]) this.emit(topic);
+      const text = `The intervals cannot be computed: ${messageOf(error)}`;
+      this.#problems.report("intervals", "error", text);
+      this.#problems.changed();
+      this.emit("scoring");
     } finally {
       bootstrap?.free();
     }
+  }
+
+  /** Thresholds that were edited, of the objects here. */
+  get #editedThresholds() {
+    return [...this.options.thresholds].filter(([name]) => this.objects.includes(name));
   }
 
   /** What decides on the maps alone. @returns {ScoreOptions} */
@@ -499,10 +533,9 @@ export class Score extends EventTarget {
 
   /** @returns {ScoreOptions} */
   #scoreOptions() {
-    const edited = Object.entries(this.options.thresholds ?? {}).filter(([name]) => this.objects.includes(name));
     return {
-      ...this.options,
-      thresholds: Object.fromEntries(edited),
+      ...this.#mapOptions(),
+      thresholds: Object.fromEntries(this.#editedThresholds),
       ...(this.imageSize ? { imageSize: this.imageSize } : {}),
       ...(this.folds > 0 ? { folds: this.folds } : {}),
     };
@@ -517,18 +550,9 @@ export class Score extends EventTarget {
     const { config } = this.#encoder.info;
     if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
-    for (let t = 0; t < this.#sizes.length; t++) placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
+    for (let t = 0; t < this.#sizes.length; t++)
+      placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
     return placed;
-  }
-
-  /**
-   * @param {string} key
-   * @param {Problem["kind"]} kind
-   * @param {string} text
-   * @param {Problem["action"]} [action]
-   */
-  report(key, kind, text, action) {
-    this.problems.set(key, { kind, text, action });
   }
 
   /** @param {string} topic */
@@ -540,13 +564,14 @@ export class Score extends EventTarget {
 /**
  * Options that were kept, as far as they are understood.
  * @param {Record<string, any>} kept
- * @returns {ScoreOptions}
+ * @returns {Options}
  */
 function optionsFrom({ transform, rank, thresholds }) {
-  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => Number.isFinite(value) && value > 0);
+  const isUsable = (/** @type {unknown} */ value) => Number.isFinite(value) && Number(value) > 0;
+  const usable = Object.entries(thresholds ?? {}).filter(([, value]) => isUsable(value));
   return {
     transform: TRANSFORMS.includes(transform) ? transform : DEFAULTS.transform,
     rank: RANKS.includes(rank) ? rank : DEFAULTS.rank,
-    thresholds: Object.fromEntries(usable),
+    thresholds: new Map(usable),
   };
 }

@@ -1,174 +1,123 @@
 // @ts-check
 /**
- * What the page knows: the files taken, and everything that follows from them. Beside those of a
- * score, its events are `files`, `reading` and `extraction`.
+ * What the page knows: the files taken, and everything that follows from them. Its events are
+ * `files`, `reading` and `extraction`; those of its score come from the score.
  */
 
 import { FrameIndex, KeypointTable, Scoring, joinFrames } from "./pkg/index.js";
-import { kindOf, messageOf } from "./errors.js";
-import { Extraction } from "./extraction.js";
-import { blobOf, readError } from "./files.js";
-import { count, names } from "./format.js";
-import { decodeImage } from "./image-cache.js";
-import { identify, isReadWithSize, isTable, needsParsing, parseTable } from "./intake.js";
-import { SavedEvaluation } from "./saved.js";
+import { messageOf } from "./errors.js";
+import { commandInputs } from "./files/command.js";
+import { contentOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
+import { decodeImage } from "./files/image-cache.js";
+import { identify } from "./files/intake.js";
+import { Library } from "./files/library.js";
+import { Problems, askForReading } from "./files/problems.js";
+import { repeatedText, replacedText, severalText, uselessText } from "./files/texts.js";
 import { Score } from "./score.js";
+import { count } from "./ui/format.js";
 
 /**
- * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./files.js").Source} Source
- * @typedef {import("./intake.js").Container} Container
- * @typedef {import("./intake.js").Entry} Entry
- * @typedef {import("./intake.js").Slot} Slot
+ * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("./files/entry.js").Entry} Entry
+ * @typedef {import("./files/entry.js").Slot} Slot
+ * @typedef {import("./files/intake.js").Container} Container
+ * @typedef {import("./files/intake.js").Found} Found
+ * @typedef {import("./files/sources.js").Source} Source
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
  *
  * Fetches files that come with the page.
  * @typedef {(onProgress: (done: number, total: number) => void) => Promise<{ manifest: { title:
- * string, note?: string },
- *   sources: Source[] }>} FetchSources
+ * string, note?: string }, sources: Source[] }>} FetchSources
+ *
+ * Images in the order of an index.
+ * @typedef {{ frames: FrameIndex, sources: Source[] }} Indexed
  */
 
-/** What stays said until more files are taken. */
+/** Problems that are shown until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced", "example"];
 
-const LACKS_SIZE =
-  "its positions are in pixels, and the size of the images is not known. Enter it at the file in the list, or add the images; " +
-  "or choose ndc there, if that is their unit.";
-
-/** What there is one used of, with what several of them are called; of results any number is shown. @type {[Slot, string | null][]} */
+/** What there is one used of, with what several of them are called. @type {[Slot, string][]} */
 const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
   ["keypoints", "keypoint tables"],
-  ["result", null],
+  ["result", ""],
 ];
 
-export class Session extends Score {
-  /** Files under way from the disk or the server. @type {{ what: string, done: number, total: number } | null} */
+/** @type {Slot[]} */
+const TABLES = ["ground-truth", "keypoints"];
+
+export class Session extends EventTarget {
+  problems = new Problems();
+  score;
+  library;
+  /**
+   * Files under way from the disk or the server; `total` is 0 while they are still being found.
+   * @type {{ what: string, done: number, total: number } | null}
+   */
   reading = null;
-  /** @type {Entry[]} */
-  entries = [];
-  /** Images by path. @type {Map<string, Source>} */
-  images = new Map();
-  /** The files that held others. @type {Container[]} */
-  containers = [];
-  /** Folders of runs by path. @type {Map<string, import("./runs.js").RunFolder>} */
-  runs = new Map();
-  /** Where the data come from, when they are the example. @type {{ title: string, note?: string } | null} */
+  /**
+   * Where the data come from, when they are the example.
+   * @type {{ title: string, note?: string } | null}
+   */
   origin = null;
-  /** Fetches the data again that `origin` tells of. @type {FetchSources | null} */
+  /** Fetches the data of `origin` again. @type {FetchSources | null} */
   #fetchOrigin = null;
+  /** The files of `origin`. @type {Source[]} */
+  #originSources = [];
 
   /** Over all images. @type {FrameIndex | null} */
   frames = null;
   /** The images in the order of `frames`. @type {Source[]} */
   frameSources = [];
-  /** Width and height of the first image, when it can be decoded. @type {[number, number] | undefined} */
+  /** Width and height of the first image, if known. @type {[number, number] | undefined} */
   frameSize = undefined;
-  /** What the user says of the size of images that are not here. @type {[number, number] | undefined} */
+  /** The size of images that are not here, by the user. @type {[number, number] | undefined} */
   saidSize = undefined;
   /** @type {JoinReport | null} */
   join = null;
-
   /** The keypoints that are scored. @type {KeypointTable | null} */
   table = null;
 
-  #extractor;
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
   /** Tells a change that everything was cleared while it waited. */
   #generation = 0;
   /** The user stopped the extraction: it goes on when asked to. */
   #paused = false;
-  #excludeNonFinite = false;
-  /** Choices between files that the user has seen and put away, by text. @type {Set<string>} */
-  #dismissed = new Set();
+  /** The frames done before the user stopped the extraction are scored without the others. */
+  #isPartial = false;
+  /** Frames with missing or non-finite keypoints are left out. */
+  #leavesOut = false;
   /** What was made from the files and is made anew when they change. @type {{ free(): void }[]} */
   #derived = [];
 
   /**
-   * @param {import("./extractor.js").Extractor} extractor
+   * @param {import("./extraction/extractor.js").Extractor} extractor
    * @param {{ remembers: boolean }} settings whether options outlast the page
    */
-  constructor(extractor, { remembers }) {
-    super(remembers);
-    this.#extractor = extractor;
+  constructor(extractor, settings) {
+    super();
+    this.score = new Score(this.problems, settings);
+    this.library = new Library(extractor, () => this.#release());
   }
 
   // Files
 
   /**
-   * Takes files: says what each is, parses it, and goes on with what is there then. They take the
-   * place of the example.
-   * @param {Source[]} sources
+   * Takes files: identifies each, parses it, and goes on with what is there then. They replace the
+   * example, unless they are nothing but checkpoints, which are compared with its own.
+   * @param {Source[] | Promise<Source[]>} sources
    */
   add(sources) {
-    return this.#change((alive) => this.#takeAll(sources, alive, () => this.#putAwayOrigin()));
-  }
-
-  /**
-   * @param {Source[]} sources
-   * @param {() => boolean} alive
-   * @param {() => void} prepare is called before the files are taken, if any of them is of use
-   */
-  async #takeAll(sources, alive, prepare) {
-    for (const key of STICKY) this.problems.delete(key);
-    if (sources.length === 0) {
-      this.report("nothing", "error", "There was no file in what was dropped.");
-      return;
-    }
-    const found = await identify(sources, (done, total) => alive() && this.#read("Reading", done, total));
-    if (!alive()) {
-      for (const { arrays } of found.entries) arrays?.free();
-      return;
-    }
-    this.reading = null;
-    const isUseless = isNothing(found);
-    if (!isUseless) prepare();
-    /** @type {Map<string, Source>} */
-    const replaced = new Map();
-    for (const container of found.containers) {
-      for (const image of this.#emptied(container)) replaced.set(image.path, image);
-      this.containers.push(container);
-    }
-    for (const [path, run] of found.runs) this.runs.set(path, run);
-    /** @type {Set<string>} */
-    const taken = new Set();
-    const repeated = [];
-    for (const image of found.images) {
-      if (taken.has(image.path)) {
-        repeated.push(image.path);
-        continue;
-      }
-      taken.add(image.path);
-      const before = this.images.get(image.path);
-      if (before && isSame(before, image)) continue;
-      if (before) replaced.set(image.path, before);
-      this.#takeImage(image);
-    }
-    for (const entry of found.entries) {
-      if (taken.has(entry.path)) {
-        repeated.push(entry.path);
-        entry.arrays?.free();
-        continue;
-      }
-      taken.add(entry.path);
-      this.#take(entry);
-    }
-    this.#tellRepeated(repeated);
-    this.#tellReplaced(replaced);
-    if (isUseless) {
-      const what = sources.length === 1 ? "The file is" : `None of the ${count(sources.length, "file")} is`;
-      this.report(
-        "nothing",
-        "error",
-        `${what}${sources.length === 1 ? " not" : ""} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP ` +
-          "images, a recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
-          "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these.",
-      );
-    }
+    this.#read("Reading", 0, 0);
+    return this.#change(async (alive) => {
+      await this.#takeAll(await sources, alive, (found) => {
+        if (!areCheckpoints(found)) this.#putAwayOrigin();
+      });
+    });
   }
 
   /**
@@ -188,13 +137,14 @@ export class Session extends Score {
       await this.#change(async (alive) => {
         if (!isWanted()) return;
         this.origin = manifest;
+        this.#originSources = sources;
         await this.#takeAll(sources, alive, () => {});
       });
     } catch (error) {
       if (!isWanted()) return;
       this.#fetchOrigin = null;
       this.reading = null;
-      this.report("fetch", "error", messageOf(error));
+      this.problems.report("fetch", "error", messageOf(error));
       this.emit("files");
     }
   }
@@ -204,36 +154,38 @@ export class Session extends Score {
    * @param {Entry} entry
    */
   use(entry) {
-    return this.#change(async () => this.#prefer(entry));
+    return this.#change(async () => this.library.prefer(entry));
   }
 
   /**
    * Takes a file for what the user says it is.
    * @param {Entry} entry
-   * @param {Entry["role"]} role
+   * @param {Slot | "unknown"} role
    */
   setRole(entry, role) {
     return this.#change(async () => {
-      Object.assign(entry, { role, isSaid: true, isGuess: false, reason: "as you said", wanted: true });
-      this.#reopen(entry);
+      entry.taken = { role, by: "said", reason: "as you said" };
+      entry.wanted = true;
+      this.library.reopen(entry);
     });
   }
 
   /**
-   * Reads a table with what the user says of its numbers.
+   * Reads a table the way the user asks for.
    * @param {Entry} entry
    * @param {import("./pkg/index.js").TableOptions} options
    */
   setTableOptions(entry, options) {
     return this.#change(async () => {
-      Object.assign(entry, { options: { ...entry.options, ...options }, wanted: entry.state === "used" || entry.wanted });
-      this.#reopen(entry);
+      entry.options = { ...entry.options, ...options };
+      entry.wanted ||= entry.parsed.state === "used";
+      this.library.reopen(entry);
     });
   }
 
   /**
    * Reads positions in pixels as those of images of this size, where there are no images that tell
-   * it; `undefined` takes back what was said.
+   * it; `undefined` takes it back.
    * @param {[number, number] | undefined} size
    */
   setImageSize(size) {
@@ -244,38 +196,54 @@ export class Session extends Score {
 
   /** @param {Entry} entry */
   remove(entry) {
-    return this.#change(async () => this.#drop(entry));
+    return this.#change(async () => this.library.drop(entry));
   }
 
   /** Removes files that are not known for anything. */
   removeUnknown() {
     return this.#change(async () => {
-      for (const entry of this.entries.filter(({ role, isSaid }) => role === "unknown" && !isSaid)) this.#drop(entry);
+      const isUnknown = (/** @type {Entry} */ { taken: { role, by } }) =>
+        role === "unknown" && by !== "said";
+      for (const entry of this.library.entries.filter(isUnknown)) this.library.drop(entry);
     });
   }
 
   removeImages() {
-    return this.#change(async () => {
-      this.images.clear();
-      for (const { extraction } of this.entries) {
-        extraction?.extracted.clear();
-        extraction?.failures.clear();
-      }
-    });
+    return this.#change(async () => this.library.dropImages());
   }
 
   /** Removes the folders of runs. */
   removeRuns() {
-    return this.#change(async () => this.runs.clear());
+    return this.#change(async () => this.library.runs.clear());
   }
 
   /**
    * Removes the images of a sequence.
    * @param {SequenceRange} sequence of `frames`
    */
-  removeSequence({ start, length }) {
-    const sources = this.frameSources.slice(start, start + length);
-    return this.#change(async () => sources.forEach((source) => this.#dropImage(source.path)));
+  removeSequence(sequence) {
+    const sources = this.#sourcesOf(sequence);
+    return this.#change(async () => sources.forEach(({ path }) => this.library.dropImage(path)));
+  }
+
+  /**
+   * Calls a sequence of images by another name.
+   * @param {SequenceRange} sequence of `frames`
+   * @param {string} name
+   */
+  renameSequence(sequence, name) {
+    const sources = this.#sourcesOf(sequence);
+    return this.#change(async () => {
+      const moved = sources.map((source) => renamed(source.path, name));
+      const taken = moved.find((path) => this.library.images.has(path));
+      if (taken) throw new Error(`there is an image ${taken} already; choose another name`);
+      sources.forEach((source, i) => this.library.moveImage(source, moved[i]));
+    });
+  }
+
+  /** @param {SequenceRange} sequence of `frames` */
+  #sourcesOf({ start, length }) {
+    return this.frameSources.slice(start, start + length);
   }
 
   /**
@@ -283,109 +251,17 @@ export class Session extends Score {
    * @param {Container} container
    */
   removeContainer(container) {
-    return this.#change(async () => {
-      this.#emptied(container);
-      const isInside = insideOf(container);
-      for (const entry of this.entries.filter(isInside)) this.#drop(entry);
-    });
+    return this.#change(async () => this.library.dropContainer(container));
   }
 
   /** Back to the state of a fresh page. */
   clear() {
     this.#generation++;
     this.#empty();
-    this.resetOptions();
-    for (const topic of ["files", "extraction", "scoring"]) this.emit(topic);
-  }
-
-  /** Takes the example away for files of the user's own, and says so. */
-  #putAwayOrigin() {
-    const fetchSources = this.#fetchOrigin;
-    if (!fetchSources) return;
-    this.#empty();
-    this.report("example", "info", "Your files took the place of the example.", {
-      label: "Load the example again",
-      run: () => void this.open(fetchSources),
-    });
-  }
-
-  /** Gives everything back. */
-  #empty() {
-    this.extraction?.stop("idle");
-    this.#release();
-    for (const entry of this.entries) {
-      entry.content?.free();
-      entry.arrays?.free();
-    }
-    this.frames?.free();
-    this.reading = null;
-    this.entries = [];
-    this.images = new Map();
-    this.containers = [];
-    this.runs = new Map();
-    this.frameSize = undefined;
-    this.saidSize = undefined;
-    this.problems = new Map();
-    this.origin = null;
-    this.#fetchOrigin = null;
-    this.frames = null;
-    this.frameSources = [];
-    this.join = null;
-    this.#paused = false;
-    this.#excludeNonFinite = false;
-    this.#dismissed.clear();
-  }
-
-  /**
-   * Puts a problem away.
-   * @param {string} key
-   */
-  dismiss(key) {
-    const problem = this.problems.get(key);
-    if (problem) this.#dismissed.add(problem.text);
-    this.problems.delete(key);
+    this.score.resetOptions();
     this.emit("files");
-  }
-
-  /**
-   * The file that is used as this.
-   * @param {Slot} role
-   */
-  used(role) {
-    return this.entries.find((entry) => entry.role === role && entry.state === "used") ?? null;
-  }
-
-  /** @returns {GroundTruthTable | null} */
-  get truth() {
-    return /** @type {GroundTruthTable | null} */ (this.used("ground-truth")?.content ?? null);
-  }
-
-  /** @returns {OpenEncoder | null} */
-  get encoder() {
-    return /** @type {OpenEncoder | null} */ (this.used("checkpoint")?.content ?? null);
-  }
-
-  /**
-   * What a score needs, whether it is there, and the files that would be it if they could be used.
-   * @returns {{ label: string, met: boolean, broken: Entry[] }[]}
-   */
-  get needs() {
-    const parts = [this.truth, this.frames, this.encoder, this.used("keypoints")];
-    // A saved evaluation is a score.
-    if (this.used("result") && parts.every((part) => part === null)) return [];
-    const need = (/** @type {string} */ label, /** @type {boolean} */ met, /** @type {Slot[]} */ ...roles) => {
-      const isBroken = (/** @type {Entry} */ { state, role }) => state === "broken" && roles.some((each) => each === role);
-      return { label, met, broken: met ? [] : this.entries.filter(isBroken) };
-    };
-    const truth = need("ground truth", this.truth !== null, "ground-truth");
-    if (this.used("keypoints")) return [need("keypoints", true), truth];
-    const images = need("image sequences", this.frames !== null);
-    return [images, truth, need("checkpoint (or keypoints)", this.encoder !== null, "checkpoint", "keypoints")];
-  }
-
-  /** What cannot be used, and why, as far as the user has not put that away. @returns {(Entry | Container)[]} */
-  get broken() {
-    return [...this.entries, ...this.containers].filter(({ error }) => error !== "");
+    this.emit("extraction");
+    this.score.emit("scoring");
   }
 
   /**
@@ -393,20 +269,70 @@ export class Session extends Score {
    * @param {string} path
    */
   dismissError(path) {
-    for (const file of this.broken) if (file.path === path) file.error = "";
+    this.library.dismissError(path);
     this.emit("files");
+  }
+
+  /** @returns {GroundTruthTable | null} */
+  get truth() {
+    const content = contentOf(this.library.used("ground-truth"));
+    return content?.kind === "ground-truth" ? content.table : null;
+  }
+
+  /** @returns {OpenEncoder | null} */
+  get encoder() {
+    const content = contentOf(this.library.used("checkpoint"));
+    return content?.kind === "checkpoint" ? content.encoder : null;
+  }
+
+  /**
+   * What a score needs, whether it is there, and the files that would be it if they could be used.
+   * @returns {{ label: string, met: boolean, broken: Entry[] }[]}
+   */
+  get needs() {
+    const { library } = this;
+    const keypoints = library.used("keypoints");
+    // A saved evaluation is a score.
+    const isAlone = !this.truth && !this.frames && !this.encoder && !keypoints;
+    if (library.used("result") && isAlone) return [];
+    const need = (
+      /** @type {string} */ label,
+      /** @type {boolean} */ met,
+      /** @type {Slot[]} */ ...roles
+    ) => {
+      const isBroken = (/** @type {Entry} */ { parsed, taken }) =>
+        parsed.state === "broken" && roles.some((role) => role === taken.role);
+      return { label, met, broken: met ? [] : library.entries.filter(isBroken) };
+    };
+    const truth = need("ground truth", this.truth !== null, "ground-truth");
+    if (keypoints) return [need("keypoints", true), truth];
+    const images = need("image sequences", this.frames !== null);
+    const detector = this.encoder !== null;
+    return [images, truth, need("checkpoint (or keypoints)", detector, "checkpoint", "keypoints")];
+  }
+
+  /**
+   * Whether a file is a detector that can be scored on what is here, and so is compared with the
+   * others.
+   * @param {Entry} entry
+   */
+  isCompared(entry) {
+    const content = contentOf(entry);
+    if (!this.truth || !content) return false;
+    return content.kind === "keypoints" || (content.kind === "checkpoint" && this.frames !== null);
   }
 
   // Extraction
 
   /** The extraction with the checkpoint in use, when its keypoints are the ones wanted. */
   get extraction() {
-    return this.used("keypoints") ? null : (this.used("checkpoint")?.extraction ?? null);
+    return this.library.used("keypoints") ? null : extractionOf(this.library.used("checkpoint"));
   }
 
   /** Starts the extraction, or goes on with it. */
   extract() {
     this.#paused = false;
+    this.#isPartial = false;
     return this.#run();
   }
 
@@ -417,18 +343,10 @@ export class Session extends Score {
     this.emit("extraction");
   }
 
-  /** @returns {import("./pkg/index.js").CommandInputs} */
-  commandInputs() {
-    const truth = this.used("ground-truth");
-    const table = this.used("keypoints");
-    const keypoints = table?.path;
-    return {
-      truth: truth?.path ?? "ground_truth.csv",
-      options: [...readingWords(truth, "--"), ...(table ? readingWords(table, "--keypoints-", truth) : [])],
-      ...(keypoints
-        ? { keypoints }
-        : { checkpoint: this.used("checkpoint")?.path, frames: commonFolder(this.frameSources.map(({ path }) => path)) }),
-    };
+  /** Scores the frames that are done, after the extraction was cancelled. */
+  scorePartially() {
+    this.#isPartial = true;
+    return this.#change(async () => {});
   }
 
   // What follows from what
@@ -446,7 +364,7 @@ export class Session extends Score {
         await change(alive);
         if (alive()) await this.#settle(alive);
       } catch (error) {
-        if (alive()) this.report("unexpected", "error", messageOf(error));
+        if (alive()) this.problems.fail("unexpected", error);
       }
       if (!alive()) return;
       this.reading = null;
@@ -457,170 +375,98 @@ export class Session extends Score {
   }
 
   /**
-   * Parses a file in the role it has.
-   * @param {Entry} entry
+   * @param {Source[]} sources
+   * @param {() => boolean} alive
+   * @param {(found: Found) => void} prepare is called before files of any use are taken
    */
-  async #parse(entry) {
-    const { role, source, path, wanted } = entry;
-    entry.content?.free();
-    const size = this.#tableSize;
-    Object.assign(entry, { content: null, extraction: null, error: "", lacksSize: false, imageSize: size });
-    if (role === "unknown") {
-      entry.state = "unknown";
+  async #takeAll(sources, alive, prepare) {
+    const { problems } = this;
+    for (const key of STICKY) problems.delete(key);
+    if (sources.length === 0) {
+      problems.report("nothing", "error", "There was no file in what was dropped.");
       return;
     }
-    try {
-      if (role === "checkpoint") {
-        const encoder = await this.#extractor.open({ path, blob: await blobOf(source) });
-        entry.content = encoder;
-        entry.extraction = new Extraction(encoder);
-      } else if (role === "result") {
-        entry.content = await SavedEvaluation.parse(source);
-      } else {
-        const table = await parseTable(entry, size);
-        entry.content = table;
-        entry.notices = table.notices;
-      }
-      entry.state = "spare";
-      if (wanted) this.#prefer(entry);
-    } catch (error) {
-      entry.state = "broken";
-      entry.lacksSize = !size && (await isReadWithSize(entry));
-      entry.error = entry.lacksSize ? `${path}: ${LACKS_SIZE}` : readError(error, path);
-    }
-    entry.wanted = false;
-  }
-
-  /** The size of the images that positions in pixels belong to. */
-  get #tableSize() {
-    return this.frameSize ?? this.saidSize;
-  }
-
-  /**
-   * Parses what is new, and the tables in pixels when the images have another size.
-   * @param {() => boolean} alive
-   */
-  async #parseEntries(alive) {
-    const pending = this.entries.filter((entry) => needsParsing(entry, this.#tableSize));
-    if (pending.length === 0) return;
-    this.#release();
-    for (const [i, entry] of pending.entries()) {
-      if (pending.length > 1) this.#read("Reading", i, pending.length);
-      entry.wanted ||= entry.state === "used";
-      await this.#parse(entry);
-      if (!alive()) {
-        entry.content?.free();
-        return;
-      }
+    const found = await identify(
+      sources,
+      (done, total) => alive() && this.#read("Reading", done, total),
+    );
+    if (!alive()) {
+      for (const { arrays } of found.entries) arrays?.free();
+      for (const container of found.containers) container.close();
+      return;
     }
     this.reading = null;
+    const isUseless = isNothing(found);
+    if (!isUseless) prepare(found);
+    const { repeated, replaced } = this.library.take(found);
+    if (repeated.length > 0) problems.report("repeated", "warning", repeatedText(repeated));
+    if (replaced.size > 0) this.#offerReplaced([...replaced.values()]);
+    if (isUseless) problems.report("nothing", "error", uselessText(sources.length));
   }
 
-  /**
-   * Forgets what was made of a file.
-   * @param {Entry} entry
-   */
-  #reopen(entry) {
-    entry.extraction?.stop("idle");
-    this.#release();
-    Object.assign(entry, { state: "new", error: "", notices: [] });
-  }
-
-  /** @param {Entry} entry */
-  #prefer(entry) {
-    for (const other of this.entries) {
-      if (other.role === entry.role && other.state === "used") other.state = "spare";
-    }
-    entry.state = "used";
-  }
-
-  /** @param {Entry} entry */
-  #take(entry) {
-    const at = this.entries.findIndex(({ path }) => path === entry.path);
-    if (at < 0) {
-      this.entries.push(entry);
-      return;
-    }
-    const before = this.entries[at];
-    entry.wanted = before.state === "used";
-    // What the user said holds for the file at this path.
-    entry.options = before.options;
-    if (before.isSaid) Object.assign(entry, { role: before.role, isSaid: true, isGuess: false, reason: before.reason });
-    entry.reason += `${entry.reason ? "; " : ""}replaces the file of the same path from before`;
-    before.extraction?.stop("idle");
-    this.#release();
-    before.content?.free();
-    before.arrays?.free();
-    this.entries[at] = entry;
-  }
-
-  /**
-   * Takes away the images of a container, and the containers in it and itself; gives the images.
-   * @param {Container} container
-   */
-  #emptied(container) {
-    const isInside = insideOf(container);
-    const images = this.containers.some(({ path }) => path === container.path) ? [...this.images.values()].filter(isInside) : [];
-    for (const image of images) this.#dropImage(image.path);
-    for (const path of this.runs.keys()) if (isInside({ path })) this.runs.delete(path);
-    this.containers = this.containers.filter((other) => !isInside(other));
-    return images;
-  }
-
-  /** @param {Source} image */
-  #takeImage(image) {
-    this.images.set(image.path, image);
-    for (const { extraction } of this.entries) extraction?.forget(image.path);
-  }
-
-  /** @param {string} path */
-  #dropImage(path) {
-    this.images.delete(path);
-    for (const { extraction } of this.entries) extraction?.forget(path);
-  }
-
-  /** @param {string[]} paths that more than one file of a drop had */
-  #tellRepeated(paths) {
-    if (paths.length === 0) return;
-    const text =
-      `${count(paths.length, "file")} had the path of another one in the same drop: ${names(paths.slice(0, 5), paths.length)}. ` +
-      "The first of each is used, the others are not; rename them, or drop their folders one by one.";
-    this.report("repeated", "warning", text);
-  }
-
-  /** @param {Map<string, Source>} images the former ones, by path */
-  #tellReplaced(images) {
-    if (images.size === 0) return;
-    const paths = [...images.keys()];
-    const text =
-      `${count(images.size, "image")} took the place of those with the same path from before: ` +
-      `${names(paths.slice(0, 3), paths.length)}. If these are other sequences, give their folder another name.`;
+  /** @param {Source[]} images that others replaced */
+  #offerReplaced(images) {
     const restore = () =>
       this.#change(async () => {
         this.problems.delete("replaced");
-        for (const image of images.values()) this.#takeImage(image);
+        for (const image of images) this.library.takeImage(image);
       });
-    this.report("replaced", "warning", text, { label: "Use the former ones again", run: () => void restore() });
+    const text = replacedText(images.map(({ path }) => path));
+    this.problems.report("replaced", "warning", text, {
+      label: "Use the earlier ones again",
+      run: () => void restore(),
+    });
   }
 
-  /** @param {Entry} entry */
-  #drop(entry) {
-    entry.extraction?.stop("idle");
-    this.entries = this.entries.filter((other) => other !== entry);
+  /** Takes the example away for files of the user's own, and says so. */
+  #putAwayOrigin() {
+    const fetchSources = this.#fetchOrigin;
+    if (!fetchSources) return;
+    const blobs = new Set(this.#originSources.map((source) => "blob" in source && source.blob));
+    const isOrigin = (/** @type {Source} */ source) => "blob" in source && blobs.has(source.blob);
+    const { entries, images } = this.library;
+    for (const entry of entries.filter(({ source }) => isOrigin(source))) this.library.drop(entry);
+    for (const image of [...images.values()].filter(isOrigin)) this.library.dropImage(image.path);
+    this.#forgetOrigin();
+    this.problems.report("example", "info", "Your files took the place of the example.", {
+      label: "Load the example again",
+      run: () => void this.open(fetchSources),
+    });
+  }
+
+  #forgetOrigin() {
+    this.origin = null;
+    this.#fetchOrigin = null;
+    this.#originSources = [];
+    this.#paused = false;
+    this.#isPartial = false;
+    this.#leavesOut = false;
+  }
+
+  /** Gives everything back. */
+  #empty() {
     this.#release();
-    entry.content?.free();
-    entry.arrays?.free();
-    entry.content = null;
+    this.library.clear();
+    this.frames?.free();
+    this.problems.clear();
+    this.reading = null;
+    this.frameSize = undefined;
+    this.saidSize = undefined;
+    this.frames = null;
+    this.frameSources = [];
+    this.join = null;
+    this.#forgetOrigin();
   }
 
   /** @param {() => boolean} alive */
   async #settle(alive) {
-    for (const { extraction } of this.entries) extraction?.stop("idle");
-    for (const key of [...this.problems.keys()]) if (!STICKY.includes(key)) this.problems.delete(key);
+    for (const entry of this.library.entries) extractionOf(entry)?.stop("idle");
+    this.problems.settle(STICKY);
     await this.#indexFrames();
     await this.#parseEntries(alive);
     if (!alive()) return;
     for (const [role, many] of SLOTS) this.#assign(role, many);
+    for (const role of TABLES) this.#checkReading(this.library.used(role));
     this.#joinFrames();
     this.emit("files");
     this.#advance();
@@ -629,161 +475,163 @@ export class Session extends Score {
   async #indexFrames() {
     this.frames?.free();
     this.frames = null;
-    const images = [...this.images.values()];
+    const images = [...this.library.images.values()];
     try {
       if (images.length > 0) this.frames = FrameIndex.ofAll(images.map(({ path }) => path));
     } catch (error) {
-      // E.g. a copy of an image beside its original: which rows the images belong to cannot be
-      // told.
-      this.report("frames", "error", messageOf(error), {
+      // E.g. a copy of an image next to its original: it is not clear which rows they belong to.
+      this.problems.report("frames", "error", messageOf(error), {
         label: "Remove the images",
         run: () => void this.removeImages(),
       });
     }
     const first = this.frameSources[0];
     this.frameSources = Array.from(this.frames?.order ?? [], (position) => images[position]);
-    if (this.frameSources[0] !== first) this.frameSize = await this.#firstSize();
+    if (this.frameSources[0] !== first) this.frameSize = await sizeOf(this.frameSources[0]);
   }
 
   /**
-   * Width and height of the first image; one that cannot be read is told when its keypoints are
-   * extracted.
-   * @returns {Promise<[number, number] | undefined>}
+   * Parses what is new, and the tables in pixels when the images have another size.
+   * @param {() => boolean} alive
    */
-  async #firstSize() {
-    const [first] = this.frameSources;
-    try {
-      const image = first && (await decodeImage(first));
-      if (!image) return undefined;
-      const { width, height } = image;
-      image.close();
-      return [width, height];
-    } catch {
-      return undefined;
+  async #parseEntries(alive) {
+    const size = this.frameSize ?? this.saidSize;
+    const pending = this.library.pending(size);
+    if (pending.length === 0) return;
+    this.#release();
+    for (const [i, entry] of pending.entries()) {
+      if (pending.length > 1) this.#read("Reading", i, pending.length);
+      await this.library.parse(entry, size);
+      if (!alive()) {
+        unread(entry);
+        return;
+      }
     }
+    this.reading = null;
   }
 
   /**
-   * Decides which file of a kind is used: the one the user said, or the first.
+   * Decides which file of a kind is used: the one the user chose, or the first.
    * @param {Slot} role
-   * @param {string | null} many what to call them where only one of them can be of use
+   * @param {string} many what to call several of them; empty where any number is shown
    */
   #assign(role, many) {
-    const candidates = this.entries.filter((entry) => entry.role === role && entry.content);
+    const candidates = this.library.usable(role);
     if (candidates.length === 0) return;
-    const used = candidates.find(({ state }) => state === "used") ?? candidates[0];
-    used.state = "used";
-    const spare = candidates.find((entry) => entry !== used);
-    if (!spare || many === null) return;
-    const all = names(candidates.map(({ path }) => path));
-    const text = `There are ${candidates.length} ${many}: ${all}. ${this.#useOfSeveral(used, candidates)}`;
-    if (this.#dismissed.has(text)) return;
-    const isCompared = this.isCompared(spare);
-    const action = { label: `${isCompared ? "Show" : "Use"} ${spare.path} instead`, run: () => void this.use(spare) };
-    this.report(`several-${role}`, isCompared ? "info" : "warning", text, action);
+    const used = this.library.used(role) ?? candidates[0];
+    this.library.prefer(used);
+    const others = candidates.filter((entry) => entry !== used);
+    const [spare] = others;
+    if (!spare || !many) return;
+    const areCompared = this.isCompared(spare);
+    const condition = role === "checkpoint" ? ", each once its keypoints are extracted" : "";
+    const paths = [used, ...others].map(({ path }) => path);
+    const text = severalText(many, paths, { areCompared, condition });
+    this.problems.offer(`several-${role}`, areCompared ? "info" : "warning", text, {
+      label: `${areCompared ? "Show" : "Use"} ${spare.path} instead`,
+      run: () => void this.use(spare),
+    });
   }
 
-  /**
-   * @param {Entry} used
-   * @param {Entry[]} all
-   */
-  #useOfSeveral(used, all) {
-    if (!this.isCompared(used)) return `Only one can be used: ${used.path} is.`;
-    const whole = all.length === 2 ? "both" : "all of them";
-    const condition = used.role === "checkpoint" ? ", each once its keypoints are extracted" : "";
-    return `The results are those of ${used.path}; ${whole} are compared under “Runs side by side”${condition}.`;
-  }
-
-  /**
-   * Whether a file is a detector that can be scored on what is here, and so is compared with the
-   * others.
-   * @param {Entry} entry
-   */
-  isCompared({ role, content }) {
-    if (!this.truth || !content) return false;
-    return role === "keypoints" || (role === "checkpoint" && this.frames !== null);
+  /** @param {Entry | null} entry the table in use */
+  #checkReading(entry) {
+    const reasons = tableOf(entry)?.reasons;
+    if (!entry || !reasons) return;
+    const read = (/** @type {import("./pkg/index.js").TableOptions} */ options) =>
+      void this.setTableOptions(entry, options);
+    askForReading(this.problems, entry.path, reasons, read);
   }
 
   #joinFrames() {
     this.join = null;
-    if (!this.frames || !this.truth || this.used("keypoints")) return;
+    if (!this.frames || !this.truth || this.library.used("keypoints")) return;
     try {
       this.join = joinFrames(this.frames, this.truth);
     } catch (error) {
-      this.report("join", "error", messageOf(error));
+      this.problems.fail("join", error);
     }
   }
 
   /** From keypoints to a score, or to the extraction that is needed first. */
   #advance() {
     this.#release();
-    const index = this.#keypoints();
-    if (this.table && this.truth) this.#score(index);
-    if (!this.scoring) this.#showSaved();
-    this.emit("scoring");
+    const indexed = this.#collectKeypoints();
+    if (this.table && this.truth) this.#scoreTable(this.truth, this.table, indexed);
+    if (!this.score.scoring) this.#showSaved();
+    this.score.emit("scoring");
     this.emit("extraction");
-    if (!this.table && this.join && !this.#paused && this.extraction?.status !== "failed") void this.#run();
+    const isReady = this.join && !this.#paused && this.extraction?.status !== "failed";
+    if (!this.table && isReady) void this.#run();
   }
 
   /**
    * Sets the table of keypoints, if they are there, and returns the images they belong to.
-   * @returns {{ frames: FrameIndex, sources: Source[] } | null}
+   * @returns {Indexed | null}
    */
-  #keypoints() {
-    const given = this.used("keypoints");
+  #collectKeypoints() {
+    const given = contentOf(this.library.used("keypoints"));
     const all = this.frames ? { frames: this.frames, sources: this.frameSources } : null;
-    if (given) {
-      this.table = /** @type {KeypointTable} */ (given.content);
+    if (given?.kind === "keypoints") {
+      this.table = given.table;
       return all;
     }
-    const { extraction, encoder } = this;
-    if (!this.frames || !all || !extraction || !encoder || extraction.pending(this.frameSources).length > 0) return null;
-    const found = extraction.collect(this.frames, this.frameSources);
+    const { extraction } = this;
+    if (!all || !extraction) return null;
+    const isComplete = extraction.pending(this.frameSources).length === 0;
+    if (!isComplete && !(this.#isPartial && extraction.status !== "running")) return null;
+    const found = extraction.collect(all.frames, all.sources);
     if (!found) {
       const [first] = extraction.failures.values();
-      this.report("frames", "error", `None of the ${count(this.frameSources.length, "frame")} has keypoints: ${first}`);
+      const frames = count(this.frameSources.length, "frame");
+      this.problems.report("frames", "error", `None of the ${frames} has keypoints: ${first}`);
       return null;
     }
     if (found.selected) this.#derived.push(found.selected);
+    this.#derived.push(found.table);
     this.table = found.table;
-    this.#derived.push(this.table);
-    return { frames: found.selected ?? this.frames, sources: found.sources };
+    return { frames: found.selected ?? all.frames, sources: found.sources };
   }
 
   /**
-   * @param {{ frames: FrameIndex, sources: Source[] } | null} index
+   * @param {GroundTruthTable} truth
+   * @param {KeypointTable} table
+   * @param {Indexed | null} indexed
    */
-  #score(index) {
-    const { truth, table } = this;
-    if (!truth || !table) return;
+  #scoreTable(truth, table, indexed) {
     /** @type {Scoring} */
     let scoring;
     try {
-      scoring = new Scoring(truth, table, this.#excludeNonFinite ? "exclude-frame" : "error");
+      scoring = new Scoring(truth, table, this.#leavesOut ? "exclude-frame" : "error");
     } catch (error) {
-      const leaveOut = {
-        label: "Leave these frames out",
-        run: () => {
-          this.#excludeNonFinite = true;
+      this.problems.fail("scoring", error, {
+        leaveOut: () => {
+          this.#leavesOut = true;
           void this.#change(async () => {});
         },
-      };
-      this.report("scoring", "error", messageOf(error), kindOf(error) === "numeric" ? leaveOut : undefined);
+      });
       return;
     }
     this.#derived.push(scoring);
     this.join = scoring.join;
-    const positions = index ? Array.from(scoring.imagesFrom(index.frames)) : [];
-    const pictures = positions.map((position) => (position < 0 ? null : (index?.sources[position] ?? null)));
-    this.show({ scoring, pictures, sizes: this.#measure(pictures), encoder: this.encoder });
+    const positions = indexed ? Array.from(scoring.imagesFrom(indexed.frames)) : [];
+    const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
+    this.score.show({
+      scoring,
+      pictures,
+      sizes: this.#measure(pictures),
+      encoder: this.encoder,
+      inputs: commandInputs(this.library, this.frameSources),
+    });
   }
 
   /** Shows an evaluation that was saved, unless a score is about to come. */
   #showSaved() {
-    const entry = this.used("result");
+    const entry = this.library.used("result");
+    const evaluation = savedOf(entry);
     const { extraction } = this;
-    const isComing = this.join !== null && extraction !== null && !this.#paused && extraction.status !== "failed";
-    if (entry && !isComing) this.showSaved(entry);
+    const isComing =
+      this.join !== null && extraction !== null && !this.#paused && extraction.status !== "failed";
+    if (entry && evaluation && !isComing) this.score.showSaved({ path: entry.path, evaluation });
   }
 
   /**
@@ -802,7 +650,7 @@ export class Session extends Score {
       const [first] = sizes;
       return sizes.every(([w, h]) => w === first[0] && h === first[1]) ? sizes.slice(0, 1) : sizes;
     }
-    // The viewer says so when it comes to an image that cannot be decoded; errors in pixels are
+    // The viewer reports an image that cannot be decoded when it comes to it; errors in pixels are
     // left out then.
     const size = pictures.some((picture) => picture !== null) ? this.frameSize : this.saidSize;
     return size ? [size] : [];
@@ -810,7 +658,8 @@ export class Session extends Score {
 
   async #run() {
     const { extraction } = this;
-    if (!extraction || extraction.status === "running" || extraction.pending(this.frameSources).length === 0) return;
+    if (!extraction || extraction.status === "running") return;
+    if (extraction.pending(this.frameSources).length === 0) return;
     const generation = this.#generation;
     const alive = () => generation === this.#generation && this.extraction === extraction;
     const running = extraction.run(this.frameSources, () => this.emit("extraction"));
@@ -831,7 +680,7 @@ export class Session extends Score {
     for (const made of this.#derived.reverse()) made.free();
     this.#derived = [];
     this.table = null;
-    this.forgetScore();
+    this.score.forget();
   }
 
   /**
@@ -843,66 +692,59 @@ export class Session extends Score {
     this.reading = { what, done, total };
     this.emit("reading");
   }
+
+  /** @param {string} topic */
+  emit(topic) {
+    this.dispatchEvent(new Event(topic));
+  }
 }
 
 /**
  * Whether there is neither anything of use in files, nor anything that would be if it could be
  * read.
- * @param {import("./intake.js").Found} found
+ * @param {Found} found
  */
 function isNothing({ images, runs, entries, containers }) {
-  const isUseless = entries.every(({ role, error }) => role === "unknown" && error === "");
-  return images.length + runs.size === 0 && isUseless && containers.every(({ error }) => error === "");
+  const isUseless = entries.every(
+    ({ taken, parsed }) => taken.role === "unknown" && parsed.state !== "broken",
+  );
+  const areReadable = containers.every(({ error }) => error === "");
+  return images.length + runs.size === 0 && isUseless && areReadable;
 }
 
 /**
- * Whether two files are the same one, as far as their outside tells.
- * @param {Source} a
- * @param {Source} b
+ * Whether files are checkpoints and nothing else.
+ * @param {Found} found
  */
-function isSame(a, b) {
-  if ("read" in a || "read" in b || !(a.blob instanceof File) || !(b.blob instanceof File)) return false;
-  return a.blob.size === b.blob.size && a.blob.lastModified === b.blob.lastModified;
+function areCheckpoints({ images, runs, entries }) {
+  const isCheckpoint = (/** @type {Entry} */ { taken: { role } }) => role === "checkpoint";
+  return images.length + runs.size === 0 && entries.length > 0 && entries.every(isCheckpoint);
 }
 
 /**
- * Whether something is a container or lies in it.
- * @param {Container} container
+ * Width and height of an image; one that cannot be read is reported when its keypoints are
+ * extracted.
+ * @param {Source | undefined} source
+ * @returns {Promise<[number, number] | undefined>}
  */
-function insideOf({ path, folder }) {
-  return (/** @type {{ path: string }} */ item) => item.path === path || item.path.startsWith(`${folder}/`);
+async function sizeOf(source) {
+  try {
+    const image = source && (await decodeImage(source));
+    if (!image) return undefined;
+    const { width, height } = image;
+    image.close();
+    return [width, height];
+  } catch {
+    return undefined;
+  }
 }
 
 /**
- * What the user said of a table's numbers, in words of the terminal.
- * @param {Entry | null} entry
- * @param {string} prefix
- * @param {Entry | null} [other] the table whose axis order holds for this one, too, in the terminal
+ * The path of an image in a sequence of another name.
+ * @param {string} path
+ * @param {string} name
  */
-function readingWords(entry, prefix, other) {
-  const { space, axisOrder, indexBase } = entry?.options ?? {};
-  const content = entry?.content ?? null;
-  const reading = isTable(content) ? content.reading : null;
-  const own = reading?.axisOrder.value;
-  const axes = axisOrder ?? (other?.options.axisOrder === own ? undefined : other?.options.axisOrder && own);
-  return [
-    ...(space ? [`${prefix}space`, space] : []),
-    ...(axes ? [`${prefix}axis-order`, axes] : []),
-    ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
-  ];
-}
-
-/**
- * The folder that all sequences of images lie in.
- * @param {string[]} paths
- */
-function commonFolder(paths) {
-  if (paths.length === 0) return ".";
-  const folders = paths.map((path) => path.split("/").slice(0, -1));
-  let depth = 0;
-  while (folders.every((folder) => depth < folder.length && folder[depth] === folders[0][depth])) depth++;
-  const common = folders[0].slice(0, depth);
-  // A single sequence is itself in all paths.
-  if (common.length > 0 && folders.every((folder) => folder.length === common.length)) common.pop();
-  return common.join("/") || ".";
+function renamed(path, name) {
+  const parts = path.split("/");
+  return [...parts.slice(0, -2), name, parts[parts.length - 1]].join("/");
 }

@@ -17,7 +17,7 @@ use std::time::Instant;
 use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
 use tracklens::checkpoint::SaeConfig;
-use tracklens::engine::{Encoder, PlannedLayer, Workspace};
+use tracklens::engine::{CpuEncoder, PlannedLayer, Workspace};
 
 const ARCHITECTURES: [&str; 3] = ["basic", "keynet", "dsae"];
 const SIDES: [usize; 2] = [128, 256];
@@ -25,7 +25,7 @@ const SIDES: [usize; 2] = [128, 256];
 const TIMES: usize = 15;
 
 /// Median milliseconds a frame when every thread runs one frame after the other.
-fn median_ms(encoder: &Encoder, side: usize, threads: usize) -> f64 {
+fn median_ms(encoder: &CpuEncoder, side: usize, threads: usize) -> f64 {
     let input: Vec<f32> = (0..3 * side * side)
         .map(|i| (i * 31 % 97) as f32 / 97.0)
         .collect();
@@ -112,7 +112,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
     for name in ARCHITECTURES {
-        let encoder = Encoder::new(&random::checkpoint(SaeConfig::named(name)?))?;
+        let encoder = CpuEncoder::new(&random::checkpoint(SaeConfig::named(name)?))?;
         for side in SIDES {
             let plan = encoder.plan([side, side])?;
             let mflop =

@@ -1,5 +1,6 @@
 //! The one error type of the crate.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// Why something could not be done: what was wrong, where, and what to do about it.
@@ -86,7 +87,7 @@ impl Error {
         Self {
             kind,
             place: None,
-            message: message.into(),
+            message: without_controls(&message.into()).into_owned(),
             reason: None,
         }
     }
@@ -119,9 +120,11 @@ impl Error {
     /// The same error with the place (file, line, frame) it happened at, outermost first.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {
+        let place = place.to_string();
+        let place = without_controls(&place);
         self.place = Some(match self.place {
             Some(inner) => format!("{place}: {inner}"),
-            None => place.to_string(),
+            None => place.into_owned(),
         });
         self
     }
@@ -141,6 +144,16 @@ impl Error {
     /// What sort of failure this is.
     pub fn kind(&self) -> ErrorKind {
         self.kind
+    }
+}
+
+/// `text` with U+FFFD for control characters other than line breaks and tabs: what comes from a file
+/// must not give orders to a terminal.
+pub(crate) fn without_controls(text: &str) -> Cow<'_, str> {
+    let is_bad = |c: char| c.is_control() && c != '\n' && c != '\t';
+    match text.contains(is_bad) {
+        true => Cow::Owned(text.replace(is_bad, "\u{fffd}")),
+        false => Cow::Borrowed(text),
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a file is, from its path and first bytes.
 
+use serde::Serialize;
+
 use crate::checkpoint::Format;
 use crate::data::{Layout, is_hidden, is_image, layout_of};
 
@@ -7,7 +9,8 @@ use crate::data::{Layout, is_hidden, is_image, layout_of};
 const VIDEO_ENDINGS: [&str; 7] = ["mp4", "m4v", "mov", "webm", "mkv", "avi", "ogv"];
 
 /// What a file is taken for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Role {
     /// A frame.
     Image,
@@ -30,7 +33,7 @@ pub enum Role {
 }
 
 /// A role with the reason in words.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Classification {
     /// What the file is taken for.
     pub role: Role,

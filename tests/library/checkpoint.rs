@@ -439,6 +439,101 @@ fn a_pickle_that_holds_itself_or_repeats_itself_is_read() {
 }
 
 #[test]
+fn a_small_pickle_does_not_make_large_metadata() {
+    let weights = one_tensor("FloatStorage", b"K\x02\x85", b"K\x01\x85");
+    // `{.., "model_state_dict": weights}`, the rest given as pickled keys and values.
+    let file = |rest: &[u8]| {
+        let mut pickle = b"\x80\x02}(".to_vec();
+        pickle.extend(rest);
+        pickle.extend(b"U\x10model_state_dict");
+        pickle.extend(&weights[2..weights.len() - 1]);
+        pickle.extend(b"u.");
+        archive(&pickle, &[])
+    };
+
+    // Many keys share a list of many values.
+    let mut shared = b"U\x01a](".to_vec();
+    shared.extend(b"N".repeat(19_000));
+    shared.extend(b"eq\x00");
+    for key in 0..400u16 {
+        shared.extend(b"U\x02");
+        shared.extend(key.to_le_bytes());
+        shared.extend(b"h\x00");
+    }
+    let error = read_tensors(&file(&shared))
+        .expect_err("too large")
+        .to_string();
+    assert!(
+        error.contains("the values saved with the weights"),
+        "{error}"
+    );
+
+    // Lists that name one long text many times are not a configuration, and are left out.
+    let mut texts = b"U\x01tX".to_vec();
+    texts.extend(100_000u32.to_le_bytes());
+    texts.extend(b"x".repeat(100_000));
+    texts.extend(b"q\x00");
+    for key in [b'a', b'b', b'c'] {
+        texts.extend([b'U', 1, key, b']', b'(']);
+        texts.extend(b"h\x00".repeat(19_000));
+        texts.push(b'e');
+    }
+    assert!(read_tensors(&file(&texts)).is_ok());
+
+    // Objects share the name of their class.
+    let mut objects = b"U\x01o](c".to_vec();
+    objects.extend(b"m".repeat(20_000));
+    objects.extend(b"\nC\nq\x00");
+    objects.extend(b"h\x00)R".repeat(200_000));
+    objects.push(b'e');
+    assert!(read_tensors(&file(&objects)).is_ok());
+
+    // A name of two texts is a text of its own.
+    let mut names = b"U\x01nX".to_vec();
+    names.extend(100_000u32.to_le_bytes());
+    names.extend(b"m".repeat(100_000));
+    names.extend(b"q\x00](");
+    names.extend(b"h\x00h\x00\x93".repeat(1000));
+    names.push(b'e');
+    let error = read_tensors(&file(&names))
+        .expect_err("too large")
+        .to_string();
+    assert!(error.contains("the pickle cannot be read"), "{error}");
+
+    // A byte a value.
+    let mut values = b"U\x01v](".to_vec();
+    values.extend(b"]".repeat(1 << 20));
+    values.push(b'e');
+    let error = read_tensors(&file(&values))
+        .expect_err("too large")
+        .to_string();
+    assert!(error.contains("more than 524288 values"), "{error}");
+}
+
+#[test]
+fn a_summary_gives_the_velocity_weight_of_the_training() {
+    let mut checkpoint = tiny("basic-vel-std-bg-tiny");
+    let training = |weight: f64| format!(r#"{{"epochs": 3, "velocity_weight": {weight}}}"#);
+    for weight in [0.0, 0.1, 0.5] {
+        let metadata = ("tracklens.training".to_owned(), training(weight));
+        checkpoint.metadata = [metadata].into();
+        for format in FORMATS {
+            let bytes = checkpoint.to_bytes(format).expect("bytes");
+            let summary = Checkpoint::from_bytes(&bytes)
+                .expect("a checkpoint")
+                .summary();
+            assert_eq!(summary.training.velocity_weight, Some(weight), "{format}");
+        }
+    }
+    checkpoint.metadata.clear();
+    assert_eq!(checkpoint.summary().training.velocity_weight, None);
+    // What the authors' code trained with is in its own configuration.
+    let cfg = r#"{"training": {"loss_weights": {"velocity": 0.25}}}"#;
+    checkpoint.metadata = [("cfg".to_owned(), cfg.to_owned())].into();
+    assert_eq!(checkpoint.summary().training.velocity_weight, Some(0.25));
+}
+
+#[test]
 fn no_damage_makes_a_reader_panic() {
     for bytes in [
         golden("basic-vel-std-bg-tiny.pth"),

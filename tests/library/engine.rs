@@ -5,7 +5,7 @@ use crate::shared::{golden, tensor};
 use safetensors::SafeTensors;
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::{Filter, Frame, Pixels};
-use tracklens::engine::{Decoder, Encoder, Workspace};
+use tracklens::engine::{CpuDecoder, CpuEncoder, Workspace};
 use tracklens::extract::{CpuExtractor, Extractor};
 
 /// Two float32 implementations add the same products in another order, and the peaky attention maps
@@ -13,7 +13,7 @@ use tracklens::extract::{CpuExtractor, Extractor};
 const TOLERANCE: f32 = 1e-4;
 
 /// The largest difference of the engine's keypoints from the golden ones of the given input.
-fn difference(encoder: &Encoder, file: &SafeTensors, input: &str, expected: &str) -> f32 {
+fn difference(encoder: &CpuEncoder, file: &SafeTensors, input: &str, expected: &str) -> f32 {
     let (shape, pixels) = tensor(file, input);
     let (points_shape, points) = tensor(file, expected);
     let [images, 3, height, width] = shape[..] else {
@@ -48,7 +48,7 @@ fn the_engine_equals_the_reference_on_tiny_encoders() {
         "keynet-vel-std-bg-tiny",
     ] {
         let bytes = golden(&format!("{name}.safetensors"));
-        let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))
+        let encoder = CpuEncoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))
             .expect("a plan");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
         let largest = difference(&encoder, &file, "golden.input64", "golden.keypoints64");
@@ -62,7 +62,7 @@ fn the_engine_equals_the_reference_on_the_papers_encoders() {
         let Some(bytes) = crate::shared::large_golden(&format!("{name}.safetensors")) else {
             return;
         };
-        let encoder = Encoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))
+        let encoder = CpuEncoder::new(&Checkpoint::from_safetensors(&bytes).expect("a checkpoint"))
             .expect("a plan");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
         for size in ["64", "256"] {
@@ -82,7 +82,7 @@ fn the_engine_equals_the_reference_on_the_papers_encoders() {
 fn a_workspace_can_be_used_for_frames_of_any_size_in_any_order() {
     let checkpoint =
         Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
-    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let encoder = CpuEncoder::new(&checkpoint).expect("a plan");
     let mut shared = Workspace::default();
     for size in [[100usize, 76], [33, 257], [64, 64], [17, 16], [100, 76]] {
         let input: Vec<f32> = (0..3 * size[0] * size[1])
@@ -101,7 +101,7 @@ fn a_workspace_can_be_used_for_frames_of_any_size_in_any_order() {
 fn a_frame_gives_what_its_planes_give() {
     let checkpoint =
         Checkpoint::from_safetensors(&golden("keynet-vel-std-bg-tiny.safetensors")).expect("valid");
-    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let encoder = CpuEncoder::new(&checkpoint).expect("a plan");
     let mut workspace = Workspace::default();
     let bytes: Vec<u8> = (0..3 * 37 * 50).map(|i| (i * 31 % 251) as u8).collect();
     let floats = bytes.iter().map(|v| f32::from(*v) / 255.0).collect();
@@ -131,7 +131,7 @@ fn activations_that_overflow_are_named_by_their_layer() {
         let tensor = checkpoint.tensors.get_mut(&format!("encoder.{name}"));
         tensor.expect("a tensor").data.fill(value);
     }
-    let encoder = Encoder::new(&checkpoint).expect("finite weights");
+    let encoder = CpuEncoder::new(&checkpoint).expect("finite weights");
     let error = encoder
         .run(&mut Workspace::default(), &[0.5; 3 * 64 * 64], [64, 64])
         .expect_err("an overflow")
@@ -143,7 +143,7 @@ fn activations_that_overflow_are_named_by_their_layer() {
 fn the_grid_places_border_cells_where_the_convolutions_see_them() {
     let checkpoint =
         Checkpoint::from_safetensors(&golden("basic-vel-std-bg-tiny.safetensors")).expect("valid");
-    let grid = CpuExtractor::from_checkpoint(&checkpoint)
+    let grid = CpuExtractor::new(&checkpoint)
         .expect("a plan")
         .grid([256, 128]);
     // 256 px: cell k of 33 is at pixel 8k - 3.5, ndc (2 px + 1) / 256 - 1; 128 px: 17 cells.
@@ -160,7 +160,7 @@ fn the_grid_places_border_cells_where_the_convolutions_see_them() {
     ] {
         let checkpoint =
             Checkpoint::from_safetensors(&golden(&format!("{name}.safetensors"))).expect("valid");
-        let grid = CpuExtractor::from_checkpoint(&checkpoint)
+        let grid = CpuExtractor::new(&checkpoint)
             .expect("a plan")
             .grid([256, 256]);
         for (latent, pixel) in [(-1.0, first), (1.0, last)] {
@@ -182,7 +182,7 @@ fn decoders_reconstruct_as_the_reference() {
     ] {
         let bytes = golden(&format!("{name}.safetensors"));
         let mut checkpoint = Checkpoint::from_safetensors(&bytes).expect("a checkpoint");
-        let decoder = Decoder::new(&checkpoint)
+        let decoder = CpuDecoder::new(&checkpoint)
             .expect("a plan")
             .expect("a decoder");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
@@ -210,7 +210,7 @@ fn decoders_reconstruct_as_the_reference() {
         checkpoint
             .tensors
             .retain(|name, _| !name.starts_with("decoder."));
-        assert!(Decoder::new(&checkpoint).expect("no error").is_none());
+        assert!(CpuDecoder::new(&checkpoint).expect("no error").is_none());
     }
 }
 
@@ -221,7 +221,7 @@ fn a_keypoint_is_the_mean_position_under_its_heat_map() {
     for name in ["basic-vel-std-bg-tiny", "keynet-vel-std-bg-tiny"] {
         let checkpoint =
             Checkpoint::from_safetensors(&golden(&format!("{name}.safetensors"))).expect("valid");
-        let encoder = Encoder::new(&checkpoint).expect("a plan");
+        let encoder = CpuEncoder::new(&checkpoint).expect("a plan");
         let mut workspace = Workspace::default();
         let points = encoder.extract(&mut workspace, &frame).expect("keypoints");
         for (n, point) in points.iter().enumerate() {
@@ -250,7 +250,7 @@ fn a_keypoint_is_the_mean_position_under_its_heat_map() {
 #[test]
 fn a_frame_smaller_than_the_kernels_is_told() {
     let checkpoint = Checkpoint::from_safetensors(&golden("dsae-tiny.safetensors")).expect("valid");
-    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let encoder = CpuEncoder::new(&checkpoint).expect("a plan");
     let error = encoder
         .run(&mut Workspace::default(), &[0.5; 3 * 16 * 16], [16, 16])
         .expect_err("too small")
@@ -282,7 +282,7 @@ fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
             tensor.data[0] = 1000.0;
         }
     }
-    let mut extractor = CpuExtractor::from_checkpoint(&checkpoint).expect("a plan");
+    let extractor = CpuExtractor::new(&checkpoint).expect("a plan");
     for (column, row) in [(100usize, 40usize), (12, 90), (64, 64)] {
         let mut rgb = vec![0; 128 * 128 * 3];
         for y in row - 4..row + 4 {
@@ -291,11 +291,8 @@ fn a_bright_spot_moves_a_keypoint_to_its_place_in_the_image() {
             }
         }
         let frame = Frame::new(128, 128, rgb).expect("a frame");
-        let encoder = extractor.encoder();
-        let point = encoder
-            .extract(&mut Workspace::default(), &frame)
-            .expect("keypoints")[0];
-        let ndc = encoder.grid([128, 128]).to_image(point.map(f64::from));
+        let point = extractor.extract_frame(&frame).expect("keypoints").points[0];
+        let ndc = extractor.grid([128, 128]).to_image(point.map(f64::from));
         // A cell is 8 px wide and pooling takes the maximum around it: a cell is what can be told.
         let cell = 2.0 * 8.0 / 128.0;
         assert!(

@@ -626,3 +626,75 @@ fn points_in_pixels_take_the_size_of_the_frames_beside_them() {
     );
     assert_eq!(error.reason(), Some(&Reason::MissingImageSize));
 }
+
+/// Points in a file of their own, and an array that is of no use here.
+fn stored_points() -> Vec<u8> {
+    written(|npz| {
+        let values = (0..12).map(f64::from);
+        npz.floats("keypoints", &[3, 2, 2], values.map(|v| v / 16.0))
+            .expect("written");
+        npz.floats("other", &[1], [0.75].into_iter())
+            .expect("written");
+    })
+}
+
+/// Flips a bit of the first place where the bytes of `value` stand.
+fn flip(bytes: &mut [u8], value: f64) {
+    let at = bytes.windows(8).position(|w| w == value.to_le_bytes());
+    bytes[at.expect("the value") + 6] ^= 1;
+}
+
+#[test]
+fn a_flipped_bit_in_a_stored_array_is_an_error() {
+    let whole = stored_points();
+    let read = |bytes: &[u8]| parse_npz_ground_truth(bytes, "p.npz", &read_as(None));
+    assert!(read(&whole).is_ok());
+    let mut damaged = whole.clone();
+    flip(&mut damaged, 11.0 / 16.0);
+    let error = read(&damaged).expect_err("a wrong checksum").to_string();
+    assert!(
+        error.contains("`keypoints`") && error.to_lowercase().contains("checksum"),
+        "{error}"
+    );
+    // What is not used is not read, so it costs nothing and harms nothing.
+    let mut unused = whole;
+    flip(&mut unused, 0.75);
+    assert!(read(&unused).is_ok());
+}
+
+#[test]
+fn frames_that_are_stored_are_verified_on_request() {
+    let mut bytes = fixture("data/formats/frames.npz");
+    let verify = |bytes: &[u8]| {
+        let recording = Recording::from_npz(Cursor::new(bytes.to_vec()), &read_as(None));
+        recording.expect("a recording").verify()
+    };
+    assert!(verify(&bytes).is_ok());
+    // In the middle of the frames, which take nearly all of the file.
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    let error = verify(&bytes).expect_err("a wrong checksum").to_string();
+    assert!(error.to_lowercase().contains("checksum"), "{error}");
+}
+
+#[test]
+fn an_hdf5_file_cannot_declare_more_frames_than_a_recording_has() {
+    let mut bytes = fixture("data/formats/record.hdf5");
+    let shape = [3u64, 5].map(u64::to_le_bytes).concat();
+    let huge = [1u64 << 15; 2].map(u64::to_le_bytes).concat();
+    let places: Vec<usize> = (0..bytes.len() - 16)
+        .filter(|at| bytes[*at..at + 16] == shape)
+        .collect();
+    assert!(!places.is_empty());
+    for at in places {
+        bytes[at..at + 16].copy_from_slice(&huge);
+    }
+    let error = Recording::from_hdf5_bytes(bytes, &read_as(None))
+        .err()
+        .expect("too many frames")
+        .to_string();
+    assert!(
+        error.contains("expected at most 16777216 frames"),
+        "{error}"
+    );
+}

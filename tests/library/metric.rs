@@ -1,6 +1,10 @@
 //! The metric against the authors' code (`golden/metric`, computed by it in float32 with PyTorch)
 //! and against properties it must have.
 
+mod missing;
+mod range;
+mod sufficiency;
+
 use ndarray::{Array2, Array3, ArrayView3, Axis, Slice};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -59,7 +63,11 @@ fn objects(count: usize) -> Vec<Object> {
 }
 
 fn settings(transform: Transform, rank: Rank) -> Settings {
-    Settings { transform, rank }
+    Settings {
+        transform,
+        rank,
+        ..Settings::default()
+    }
 }
 
 fn score(keypoints: ArrayView3<f64>, truth: ArrayView3<f64>, settings: Settings) -> Evaluation {
@@ -148,6 +156,7 @@ fn the_maps_equal_the_reference() {
             for n in 0..4 {
                 let fit = moments
                     .fit(n, k, &settings(*transform, Rank::Reference))
+                    .expect("in range")
                     .expect("visible");
                 // Row vectors (y, x, 1) times a matrix there, A times column vectors (x, y) here.
                 let theirs = flatten(&golden.json["transforms"][name]["matrices"][k][n]);

@@ -2,7 +2,8 @@
 
 use ndarray::Array3;
 use tracklens::data::{
-    AxisOrder, Ground, Space, TableOptions, parse_ground_truth, parse_keypoints,
+    AxisOrder, FrameIndex, Ground, Space, TableOptions, ground_truth_csv, join, parse_ground_truth,
+    parse_keypoints,
 };
 use tracklens::intake::{Role, classify};
 use tracklens::track::GroundTruth;
@@ -296,7 +297,7 @@ fn what_is_wrong_is_told_with_its_place() {
         ("frame,a_x,a_y\n".to_owned(), &["no rows"]),
         (
             "frame,a_x,a_y\n0,0,0\n0,1,1\n".to_owned(),
-            &["line 3", "stands already in line 2"],
+            &["line 3", "is already in line 2"],
         ),
         (
             "scorer,a,a\nbodyparts,b,b\n".to_owned(),
@@ -395,5 +396,89 @@ fn what_the_numbers_are_taken_for_is_told_with_its_ground() {
     assert_eq!(
         (coco.reading.space.value, coco.reading.space.by),
         (Space::Pixels, Ground::File)
+    );
+}
+
+#[test]
+fn two_annotations_that_become_the_same_frame_are_an_error_that_names_both() {
+    let file = "{\"images\":[{\"id\":1,\"file_name\":\"camA/rec/000.png\",\"width\":9,\"height\":9},\
+                {\"id\":2,\"file_name\":\"camB/rec/000.png\",\"width\":9,\"height\":9}],\
+                \"annotations\":[{\"image_id\":1,\"category_id\":1,\"keypoints\":[1,1,2]},\
+                {\"image_id\":2,\"category_id\":1,\"keypoints\":[5,5,2]}],\
+                \"categories\":[{\"id\":1,\"name\":\"p\",\"keypoints\":[\"nose\"]}]}";
+    let error = parse_ground_truth(file.as_bytes(), "c.json", &TableOptions::default())
+        .expect_err("two positions of one point")
+        .to_string();
+    assert!(
+        error.contains("c.json: annotation 1: ") && error.contains("is already in annotation 0"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_table_with_hardly_any_positions_is_refused_before_it_takes_memory() {
+    // Every row has a frame and an object of its own: 4 million positions, 2000 of them given.
+    let row = |i: usize| format!("a,{i},object_{i},0.5,0.5\n");
+    let text = format!(
+        "sequence,frame,object,x,y\n{}",
+        (0..2000).map(row).collect::<String>()
+    );
+    let error = parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default())
+        .expect_err("a sparse table")
+        .to_string();
+    assert!(
+        error.contains("2000 rows name 2000 points in 2000 frames"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_name_is_the_same_however_its_letters_are_composed() {
+    let parse = |sequence: &str, object: &str| {
+        let text = format!("sequence,frame,object,x,y\n{sequence},0,{object},0.5,0.5\n");
+        parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table")
+    };
+    let typed = parse("H\u{f6}hle", "T\u{fc}r");
+    let from_mac = parse("Ho\u{308}hle", "Tu\u{308}r");
+    assert_eq!(typed.content, from_mac.content);
+    let frames = FrameIndex::new(&["Ho\u{308}hle/0.png"]).expect("frames");
+    let joined = join(frames.keys(), typed.content.keys()).expect("a join");
+    assert_eq!(joined.pairs, [(0, 0)]);
+}
+
+#[test]
+fn control_characters_do_not_reach_a_terminal() {
+    let text = "sequence,frame,object,x,y\na,0,\u{1b}]0;title\u{7}cube,0.5,0.5\n";
+    let table =
+        parse_ground_truth(text.as_bytes(), "gt.csv", &TableOptions::default()).expect("a table");
+    assert_eq!(
+        table.content.names(),
+        ["\u{fffd}]0;title\u{fffd}cube".to_owned()]
+    );
+    let text = "sequence,frame,object,x,y,\u{1b}[31m\na,0,cube,0.5,\u{1b}[31m,0\n";
+    let error = parse_ground_truth(text.as_bytes(), "\u{1b}gt.csv", &TableOptions::default())
+        .expect_err("no number")
+        .to_string();
+    assert!(!error.contains('\u{1b}'), "{error:?}");
+}
+
+#[test]
+fn names_that_a_spreadsheet_would_run_are_written_as_text_and_read_back() {
+    let names = ["=1+1", "@cmd", "+a", "-b", "'=c", "'d", "-1.5"];
+    let rows = names.map(|name| format!("\"{name}\",0,{name},0.5,0.5\n"));
+    let text = format!("sequence,frame,object,x,y\n{}", rows.concat());
+    let parse = |text: &str| {
+        let table = parse_ground_truth(text.as_bytes(), "t", &TableOptions::default());
+        table.expect("a table").content
+    };
+    let written = ground_truth_csv(&parse(&text));
+    for field in written.lines().skip(1).flat_map(|line| line.split(',')) {
+        let runs = field.starts_with(['=', '+', '-', '@']) && field.parse::<f64>().is_err();
+        assert!(!runs, "{written}");
+    }
+    assert_eq!(ground_truth_csv(&parse(&written)), written);
+    assert!(
+        written.contains("'=1+1") && written.contains("-1.5,0"),
+        "{written}"
     );
 }

@@ -45,7 +45,7 @@ test("frames, a checkpoint and a table make an evaluation", async () => {
 
   const scoring = new tracklens.Scoring(truth, table);
   const evaluation = scoring.evaluate({ imageSize: [256, 256], thresholds: { cube: 1e-9 } });
-  assert.equal(evaluation.schema, "tracklens/evaluation/2");
+  assert.equal(evaluation.schema, "tracklens/evaluation/3");
   assert.equal(evaluation.frames, 15);
   assert.equal(evaluation.objects[0].tracked, false);
   assert.equal(evaluation.errors.length, 3);

@@ -91,7 +91,7 @@ impl Tables {
 fn score_prints_the_documented_json() {
     let tables = Tables::new();
     let result = json(&tables.score(&["--image-size", "200x100"]));
-    assert_eq!(result["schema"], "tracklens/evaluation/2");
+    assert_eq!(result["schema"], "tracklens/evaluation/3");
     assert_eq!(
         (&result["transform"], &result["rank"]),
         (&"affine".into(), &"reference".into())
@@ -234,8 +234,11 @@ fn other_sequences_are_asked_for() {
     );
     assert_eq!(result["intervals"]["resamples"], 50);
     assert_eq!(result["intervals"]["tc"][1], 1.0);
-    let plain = json(&tables.score(&[]));
+    let plain = json(&tables.score(&["--folds", "0"]));
     assert!(plain.get("held_out").is_none() && plain.get("intervals").is_none());
+    // By default one fold a sequence, up to five.
+    let default = json(&tables.score(&[]));
+    assert_eq!(default["held_out"]["folds"], 3);
     assert_eq!(plain["objects"], result["objects"]);
     let too_many = tables.score(&["--folds", "4"]);
     assert!(
@@ -363,7 +366,7 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     let text = tables.read("kp.csv");
     let line = text.lines().nth(5).expect("a row").to_owned();
     tables.write("kp.csv", &text.replace(&line, "a,2,0,nan,0"));
-    let refused = tables.score(&[]);
+    let refused = tables.score(&["--non-finite", "error"]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(
         stderr(&refused)
@@ -375,6 +378,23 @@ fn keypoints_that_are_not_finite_are_refused_or_counted() {
     assert_eq!(
         (&counted["frames"], &counted["excluded"]),
         (&39.into(), &1.into())
+    );
+    // By default the frame does not count for that keypoint alone.
+    let default = json(&tables.score(&[]));
+    assert_eq!(
+        (
+            &default["frames"],
+            &default["excluded"],
+            &default["missing"][0],
+            &default["missing"][1]
+        ),
+        (&40.into(), &0.into(), &1.into(), &0.into())
+    );
+    let warnings = default["warnings"].to_string();
+    assert!(
+        warnings.contains("1 keypoint(s) are missing in some of 40 frames")
+            && warnings.contains("0 (1)"),
+        "{warnings}"
     );
 }
 
@@ -1345,4 +1365,66 @@ fn an_error_comes_with_the_option_that_helps() {
         text.contains("the size of the images is not known") && text.contains("--image-size"),
         "{text}"
     );
+}
+
+/// A folder with one sequence of two frames.
+#[cfg(unix)]
+fn two_frames(folder: &Path) {
+    let frame = data("data/panda_push/seq_0000/frame_000.png");
+    std::fs::create_dir(folder.join("a")).expect("a folder");
+    for name in ["frame_0.png", "frame_1.png"] {
+        std::fs::copy(&frame, folder.join("a").join(name)).expect("copied");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn links_and_pipes_in_a_data_set_are_left_out_and_named() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = folder.path();
+    two_frames(set);
+    // A loop, a second way to a sequence, a link to nothing, a device and a pipe.
+    symlink(set, set.join("a/loop")).expect("a link");
+    symlink(set.join("a"), set.join("again")).expect("a link");
+    symlink("nowhere", set.join("a/.#frame_0.png")).expect("a link");
+    symlink("/dev/zero", set.join("a/frame_2.png")).expect("a link");
+    let pipe = Command::new("mkfifo")
+        .arg(set.join("a/frame_3.png"))
+        .status();
+    assert!(pipe.expect("mkfifo runs").success());
+    let mut deep = set.to_path_buf();
+    for name in 0..10 {
+        deep.push(format!("d{name}"));
+    }
+    std::fs::create_dir_all(&deep).expect("folders");
+
+    let inspected = tracklens(&["data", "inspect", "--quiet", set.to_str().expect("a path")]);
+    let found = json(&inspected);
+    assert_eq!(
+        (found["frames"].as_u64(), found["sequences"].as_u64()),
+        (Some(2), Some(1))
+    );
+    let notes = stderr(&inspected);
+    for (name, why) in [
+        ("a/loop", "a folder that is in the data set already"),
+        ("again", "a folder that is in the data set already"),
+        ("a/.#frame_0.png", "a link to nothing"),
+        ("a/frame_2.png", "not a regular file"),
+        ("a/frame_3.png", "not a regular file"),
+        ("d7/d8", "more than 8 folders deep"),
+    ] {
+        assert!(notes.contains(&format!("{name}: {why}")), "{name}: {notes}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_data_set_of_which_nothing_can_be_read_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("frame_0.png"), b"not an image").expect("written");
+    let path = folder.path().to_str().expect("a path");
+    let inspected = tracklens(&["data", "inspect", "--quiet", path]);
+    assert_eq!(inspected.status.code(), Some(3));
+    assert!(stderr(&inspected).contains("no frame can be read"));
 }

@@ -170,9 +170,9 @@ fn what_cannot_be_converted_or_inspected_is_told() {
     expect(
         &to("w.onnx"),
         3,
-        "the ending `.onnx` names no format to convert to; expected .safetensors, .pth or .bpk",
+        "unknown checkpoint format `.onnx`; expected .safetensors, .pth or .bpk",
     );
-    expect(&to("weights"), 3, "the ending `.` names no format");
+    expect(&to("weights"), 3, "unknown checkpoint format `.`");
     let export = |name: &str| {
         let model = folder.path().join(name);
         tracklens(&[
@@ -219,14 +219,14 @@ fn a_checkpoint_is_not_converted_over_itself() {
     let output = convert(&own, &other_name);
     assert_eq!(output.status.code(), Some(3));
     assert!(
-        stderr(&output).contains("is the checkpoint that is read; expected another file to write"),
+        stderr(&output).contains("the output is the input file; give another path"),
         "{}",
         stderr(&output)
     );
     assert_eq!(std::fs::read(&own).expect("a checkpoint"), before);
 }
 
-/// Systems promise more memory than they have, so the program would be ended without a word.
+/// Systems promise more memory than they have, so the program would be killed with no message.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_checkpoint_larger_than_memory_is_refused_before_it_is_read() {

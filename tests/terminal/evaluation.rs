@@ -62,7 +62,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn few_sequences_of_objects_that_stand_still_are_warned_of() {
+fn a_tc_of_too_few_data_is_unknown_and_says_what_is_enough() {
     let folder = tempfile::tempdir().expect("a folder");
     let tables = |sequences: u32| {
         let mut truth = String::from("sequence,frame,object,x,y\n");
@@ -81,32 +81,59 @@ fn few_sequences_of_objects_that_stand_still_are_warned_of() {
             std::fs::write(folder.path().join(name), text).expect("written");
         }
     };
-    let warned = |more: &[&str]| {
+    let scored = |more: &[&str]| {
         let result = json(&score(folder.path(), more));
-        let warnings = result["warnings"].as_array().expect("warnings");
-        let about = warnings
-            .iter()
-            .filter(|w| w.as_str().is_some_and(|w| w.contains("hardly moves")));
-        (
-            result["objects"][0]["tracked"] == true,
-            about.cloned().collect::<Vec<_>>(),
-        )
+        let warnings = result["warnings"].as_array().expect("warnings").clone();
+        let unknown = |w: &Value| w.as_str().is_some_and(|w| w.starts_with("TC is unknown:"));
+        let about = warnings.into_iter().filter(unknown).collect::<Vec<_>>();
+        (result, about)
     };
     tables(3);
-    let (tracked, warnings) = warned(&[]);
-    assert!(tracked, "three positions are fitted exactly");
-    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let (result, warnings) = scored(&[]);
+    assert_eq!(
+        result["objects"][0]["tracked"], true,
+        "three positions are fitted exactly"
+    );
+    assert_eq!(result["tc"], Value::Null);
+    let still = &result["sufficiency"][0];
+    assert_eq!(
+        (&still["known"], &still["chance"]),
+        (&false.into(), &1.0.into())
+    );
     let text = warnings[0].as_str().expect("text");
     assert!(
-        text.starts_with("object `still` hardly moves within the 3 sequences:")
-            && text.contains("--folds"),
+        text.contains("object `still` amount to 3.0 independent positions")
+            && text.contains("sequences ("),
         "{text}"
     );
-    assert!(warned(&["--transform", "identity"]).1.is_empty());
-    assert!(warned(&["--folds", "3"]).1.is_empty());
-    tables(10);
-    let (tracked, warnings) = warned(&[]);
-    assert!(!tracked && warnings.is_empty(), "{warnings:?}");
+    // Held out, nothing is tracked: that is said as well where a TC is known.
+    assert_eq!(result["held_out"]["folds"], 3);
+    assert_eq!(result["held_out"]["objects"][0]["tracked"], false);
+    let strict = score(folder.path(), &["--strict"]);
+    assert_eq!(strict.status.code(), Some(5));
+    assert!(String::from_utf8_lossy(&strict.stderr).contains("the TC is unknown"));
+    let printed: Value = serde_json::from_slice(&strict.stdout).expect("JSON");
+    assert_eq!(printed["tc"], Value::Null);
+
+    // What is said to be enough is enough.
+    let needed = number(&still["needed"]["sequences"]) as u32;
+    tables(needed + 2);
+    let (result, warnings) = scored(&["--strict"]);
+    assert_eq!(
+        (number(&result["tc"]), warnings.len()),
+        (0.0, 0),
+        "{warnings:?}"
+    );
+
+    // A threshold that every constant keeps makes every keypoint track.
+    let (result, warnings) = scored(&["--threshold", "still=2"]);
+    assert_eq!(result["sufficiency"][0]["needed"], Value::Null);
+    assert!(
+        warnings[0]
+            .as_str()
+            .is_some_and(|w| w.contains("hardly moves")),
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -305,16 +332,16 @@ fn a_saved_evaluation_is_read_again_and_newer_ones_are_refused() {
         value[field] = new;
         value
     };
-    let newer = told(&with("schema", "tracklens/evaluation/3".into()));
+    let newer = told(&with("schema", "tracklens/evaluation/4".into()));
     assert!(
         newer.contains("saved.json")
-            && newer.contains("evaluation/3")
+            && newer.contains("evaluation/4")
             && newer.contains("reads up to"),
         "{newer}"
     );
     assert!(
         told(&with("schema", "tracklens/report/1".into()))
-            .contains("expected `tracklens/evaluation/2`")
+            .contains("expected `tracklens/evaluation/3`")
     );
     assert!(
         told(&with("errors", serde_json::json!([[1.0]]))).contains("expected one row an object")

@@ -11,7 +11,7 @@ use crate::shared::golden;
 use burn::prelude::{Device, Tensor, TensorData};
 use tracklens::checkpoint::{self, Checkpoint, SaeConfig};
 use tracklens::data::{Filter, Frame};
-use tracklens::engine::{Encoder, Workspace};
+use tracklens::engine::{CpuEncoder, Workspace};
 use tracklens::model::{Sae, fresh_weights, load_first_layer, points_xy};
 
 #[test]
@@ -51,7 +51,7 @@ fn the_engine_computes_what_the_module_defines() {
             checkpoint.config.temperature = 0.7;
         }
         let sae = Sae::from_checkpoint(&checkpoint, &device).expect("an SAE");
-        let engine = Encoder::new(&checkpoint).expect("a plan");
+        let engine = CpuEncoder::new(&checkpoint).expect("a plan");
         for size in [[256usize, 256], [100, 76], [33, 257]] {
             let input = frame.to_planar(Some(size), Filter::BilinearAntialias);
             let [width, height] = size;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use tracklens::checkpoint::{Checkpoint, SaeConfig};
 use tracklens::data::{EncodedFrames, FrameIndex, TableOptions, parse_ground_truth};
-use tracklens::engine::{Encoder, Workspace};
+use tracklens::engine::{CpuEncoder, Workspace};
 use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
@@ -15,7 +15,7 @@ use tracklens::run::{
     BackgroundStart, CONFIG, EpochLog, LOG, RunConfig, SUMMARY, Split, TrainConfig, TrainSummary,
     ValidationFrames, read_log,
 };
-use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunOptions, train};
+use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunLock, RunOptions, train};
 
 fn recording() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push")
@@ -78,7 +78,15 @@ fn attempt(
         existing,
         tensorboard: false,
     };
-    train(config, &dataset, &weights, out, options, report, cancel)
+    train(
+        config,
+        &dataset,
+        &weights,
+        &RunLock::take(out)?,
+        options,
+        report,
+        cancel,
+    )
 }
 
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
@@ -162,7 +170,7 @@ fn the_loss_falls_and_the_run_folder_is_whole() {
     let checkpoint = weights(&out);
     assert_eq!(checkpoint.config.input_size, Some([32, 32]));
     assert_eq!(checkpoint.metadata["tracklens.epoch"], "25");
-    let encoder = Encoder::new(&checkpoint).expect("a plan");
+    let encoder = CpuEncoder::new(&checkpoint).expect("a plan");
     let points = encoder
         .run(&mut Workspace::default(), &vec![0.5; 3 * 32 * 32], [32, 32])
         .expect("points");
@@ -431,7 +439,7 @@ fn a_small_cache_changes_no_weight() {
             &config,
             &dataset,
             &start,
-            &out,
+            &RunLock::take(&out).expect("the folder"),
             RunOptions {
                 existing: Existing::Refuse,
                 tensorboard: false,

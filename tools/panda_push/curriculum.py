@@ -56,11 +56,11 @@ class Scenes:
         """Draws the scenes into an empty folder."""
         with (
             closing(Environment(SIZE, self.plate)) as environment,
-            record.png_store(folder, self.sequences, SIZE) as frames,
+            record.png_store(folder, (self.sequences, SCENES, SIZE)) as frames,
             record.truth_store(folder) as truth,
         ):
             for first in range(0, self.sequences * SCENES, SCENES):
-                sequence = Sequence()
+                sequence = Sequence(first // SCENES)
                 for scene in range(first, first + SCENES):
                     environment.reset(seed=self.seed + scene)
                     if not self.cube:

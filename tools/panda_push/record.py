@@ -13,6 +13,7 @@ import json
 import os
 import shutil
 import sys
+import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -24,6 +25,7 @@ try:
     import h5py
     import numpy as np
     import pybullet
+    import pybullet_data
     from numpy.typing import NDArray
     from panda_gym.envs.core import RobotTaskEnv
     from panda_gym.envs.robots.panda import Panda
@@ -39,8 +41,6 @@ except ModuleNotFoundError as error:
 
 FloatArray = NDArray[np.float32]
 
-SEQUENCE_FRAMES = 10
-EPISODE_STEPS = 20
 ACTION_STD = 1.0
 ANTIALIAS = 2
 """Frames are rendered larger by this factor and averaged down."""
@@ -127,14 +127,34 @@ class FlatTargetPush(Push):
         self.sim.set_base_pose("target", plate, np.array([0.0, 0.0, 0.0, 1.0]))
 
 
+class SimplePanda(Panda):
+    """The robot with its collision meshes as its visual ones.
+
+    TinyRenderer's time grows with the triangles, and the collision meshes have far fewer of them.
+    """
+
+    def _load_robot(self, file_name: str, base_position: NDArray[np.float64]) -> None:
+        source = Path(pybullet_data.getDataPath(), file_name)
+        collision = Path("meshes", "collision")
+        with tempfile.TemporaryDirectory() as folder:
+            shutil.copytree(source.parent / collision, Path(folder, collision))
+            simple = Path(folder, source.name)
+            simple.write_text(source.read_text().replace("meshes/visual/", "meshes/collision/"))
+            super()._load_robot(str(simple), base_position)
+
+
+ROBOTS = {"paper": Panda, "simple": SimplePanda}
+"""The robots by the name of their meshes."""
+
+
 class Environment(RobotTaskEnv):
     """panda-gym's robot, the scene above and the paper's camera, rendered on the CPU (TinyRenderer)."""
 
-    def __init__(self, size: int, plate: float = 1.0) -> None:
+    def __init__(self, size: int, plate: float = 1.0, meshes: str = "paper") -> None:
         """Frames are size x size; the plate is `plate` times as wide as the cube."""
         self.camera = Camera()
         sim = PyBullet(render_mode="rgb_array", renderer="Tiny")
-        robot = Panda(sim, block_gripper=True, base_position=np.array([-0.6, 0.0, 0.0]), control_type="ee")
+        robot = ROBOTS[meshes](sim, block_gripper=True, base_position=np.array([-0.6, 0.0, 0.0]), control_type="ee")
         super().__init__(
             robot,
             FlatTargetPush(sim, plate),
@@ -164,6 +184,7 @@ class Environment(RobotTaskEnv):
 class Sequence:
     """Successive frames of one episode."""
 
+    episode: int
     frames: list[FloatArray] = field(default_factory=list)
     sites: list[FloatArray] = field(default_factory=list)
 
@@ -179,8 +200,10 @@ class Statistics:
     """Frames of sequences that the end of their episode cut short."""
 
 
-def recorded(environment: Environment, seed: int, statistics: Statistics) -> Iterator[Sequence]:
-    """Records sequences without end, under the paper's random policy.
+def recorded(
+    environment: Environment, seed: int, length: int, steps: int, statistics: Statistics
+) -> Iterator[Sequence]:
+    """Records sequences of `length` frames without end, under the paper's random policy, from episodes of `steps`.
 
     The action does a random walk: drawn once an episode from the action space, then moved by Gaussian noise before
     every step, the first one included, and clipped to the action space.
@@ -192,8 +215,8 @@ def recorded(environment: Environment, seed: int, statistics: Statistics) -> Ite
         statistics.episodes += 1
         environment.reset(seed=seed + statistics.episodes)
         action = space.sample()
-        sequence = Sequence()
-        for _ in range(EPISODE_STEPS):
+        sequence = Sequence(statistics.episodes)
+        for _ in range(steps):
             moved = action + noise.normal(scale=ACTION_STD, size=space.shape)
             action = np.clip(moved, space.low, space.high).astype(np.float32)
             _, _, success, _, _ = environment.step(action)
@@ -201,19 +224,21 @@ def recorded(environment: Environment, seed: int, statistics: Statistics) -> Ite
             sequence.sites.append(environment.sites())
             statistics.rendered += 1
             statistics.successes += success
-            if len(sequence.frames) == SEQUENCE_FRAMES:
+            if len(sequence.frames) == length:
                 yield sequence
-                sequence = Sequence()
+                sequence = Sequence(statistics.episodes)
             if success:
                 break
         statistics.dropped += len(sequence.frames)
 
 
 Store = Callable[[Sequence], None]
+Shape = tuple[int, int, int]
+"""How many sequences, frames of each, and the side of a frame."""
 
 
 @contextmanager
-def png_store(folder: Path, _sequences: int, _size: int) -> Iterator[Store]:
+def png_store(folder: Path, _shape: Shape) -> Iterator[Store]:
     """Stores frames as 8-bit PNG, one folder a sequence."""
     count = 0
 
@@ -230,13 +255,13 @@ def png_store(folder: Path, _sequences: int, _size: int) -> Iterator[Store]:
 
 
 @contextmanager
-def npz_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
+def npz_store(folder: Path, shape: Shape) -> Iterator[Store]:
     """Stores `frames` and `sites`, (x, y), as float32 in recording.npz; the frames are written as they come."""
-    shape = (sequences, SEQUENCE_FRAMES, size, size, 3)
+    sequences, length, size = shape
     sites: list[list[FloatArray]] = []
     with zipfile.ZipFile(folder / "recording.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         with archive.open("frames.npy", "w", force_zip64=True) as member:
-            header = {"descr": "<f4", "fortran_order": False, "shape": shape}
+            header = {"descr": "<f4", "fortran_order": False, "shape": (sequences, length, size, size, 3)}
             np.lib.format.write_array_header_1_0(member, header)
 
             def store(sequence: Sequence) -> None:
@@ -250,19 +275,20 @@ def npz_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
 
 
 @contextmanager
-def hdf5_store(folder: Path, sequences: int, size: int) -> Iterator[Store]:
+def hdf5_store(folder: Path, shape: Shape) -> Iterator[Store]:
     """Stores `images` and `keypoints`, (x, y), as float32 in recording.hdf5: what the authors' code reads."""
     count = 0
+    sequences, length, size = shape
     frame = (size, size, 3)
     with h5py.File(folder / "recording.hdf5", "w") as file:
         images = file.create_dataset(
             "images",
-            shape=(sequences, SEQUENCE_FRAMES, *frame),
+            shape=(sequences, length, *frame),
             dtype="f4",
             chunks=(1, 1, *frame),
             compression="gzip",
         )
-        keypoints = file.create_dataset("keypoints", shape=(sequences, SEQUENCE_FRAMES, len(SITES), 2), dtype="f4")
+        keypoints = file.create_dataset("keypoints", shape=(sequences, length, len(SITES), 2), dtype="f4")
 
         def store(sequence: Sequence) -> None:
             nonlocal count
@@ -292,7 +318,23 @@ def truth_store(folder: Path) -> Iterator[Store]:
         yield store
 
 
-FORMATS: dict[str, Callable[[Path, int, int], AbstractContextManager[Store]]] = {
+@contextmanager
+def episode_store(folder: Path) -> Iterator[Store]:
+    """Stores the episode of every sequence in sequences.csv: sequences of one episode share its target."""
+    count = 0
+    with open(folder / "sequences.csv", "w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["sequence", "episode"])
+
+        def store(sequence: Sequence) -> None:
+            nonlocal count
+            table.writerow([count, sequence.episode])
+            count += 1
+
+        yield store
+
+
+FORMATS: dict[str, Callable[[Path, Shape], AbstractContextManager[Store]]] = {
     "png": png_store,
     "npz": npz_store,
     "hdf5": hdf5_store,
@@ -302,15 +344,19 @@ FORMATS: dict[str, Callable[[Path, int, int], AbstractContextManager[Store]]] = 
 def record(options: argparse.Namespace, folder: Path) -> None:
     """Records into an empty folder."""
     statistics = Statistics()
+    shape = (options.sequences, options.sequence_length, options.size)
     with ExitStack() as stack:
-        environment = Environment(options.size)
+        environment = Environment(options.size, meshes=options.meshes)
         stack.callback(environment.close)
         stores = [
-            stack.enter_context(FORMATS[options.format](folder, options.sequences, options.size)),
+            stack.enter_context(FORMATS[options.format](folder, shape)),
             stack.enter_context(truth_store(folder)),
+            stack.enter_context(episode_store(folder)),
         ]
         progress = Progress(options.sequences)
-        source = recorded(environment, options.seed, statistics)
+        source = recorded(
+            environment, options.seed, options.sequence_length, options.episode_steps, statistics
+        )
         for _ in range(options.sequences):
             sequence = next(source)
             for store in stores:
@@ -326,8 +372,9 @@ def describe(options: argparse.Namespace, camera: Camera, statistics: Statistics
     packages = ["panda-gym", "pybullet", "gymnasium", "numpy"]
     return {
         "sequences": options.sequences,
-        "frames": SEQUENCE_FRAMES,
-        "episode_steps": EPISODE_STEPS,
+        "frames": options.sequence_length,
+        "episode_steps": options.episode_steps,
+        "meshes": options.meshes,
         "action_std": ACTION_STD,
         "size": options.size,
         "antialias": ANTIALIAS,
@@ -390,10 +437,26 @@ def arguments() -> argparse.ArgumentParser:
         description="Records image sequences of the PandaPush task with the positions of its objects in the image.",
         epilog="Exit codes: 0 done, 1 recording or writing failed, 2 wrong arguments, 130 cancelled.",
     )
-    parser.add_argument("--sequences", type=whole(1), required=True, metavar="N", help="how many, 10 frames each")
+    parser.add_argument("--sequences", type=whole(1), required=True, metavar="N", help="how many")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make; must not exist")
     parser.add_argument("--seed", type=whole(0), default=0, metavar="S", help="of everything random (default 0)")
     parser.add_argument("--size", type=whole(16, 1024), default=256, metavar="PX", help="side of a frame (default 256)")
+    parser.add_argument(
+        "--sequence-length", type=whole(1), default=10, metavar="T", help="frames of a sequence (default 10)"
+    )
+    parser.add_argument(
+        "--episode-steps",
+        type=whole(1),
+        default=20,
+        metavar="T",
+        help="steps of an episode, at least those of a sequence (default 20)",
+    )
+    parser.add_argument(
+        "--meshes",
+        choices=ROBOTS,
+        default="paper",
+        help="of the robot: the paper's (default), or its collision meshes, which render several times as fast",
+    )
     parser.add_argument(
         "--format",
         choices=FORMATS,
@@ -405,7 +468,13 @@ def arguments() -> argparse.ArgumentParser:
 
 def main() -> int:
     """Records into a folder beside the one asked for, and renames it when everything is there."""
-    options = arguments().parse_args()
+    parser = arguments()
+    options = parser.parse_args()
+    if options.episode_steps < options.sequence_length:
+        parser.error(
+            f"an episode of {options.episode_steps} steps has no sequence of {options.sequence_length} frames; "
+            "raise --episode-steps"
+        )
     out: Path = options.out
     if os.path.lexists(out):
         print(f"error: {out} exists already; name a folder that does not", file=sys.stderr)

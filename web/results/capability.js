@@ -2,8 +2,8 @@
 /** TC over a common factor of all thresholds, with a slider that reads it off. */
 
 import { capabilityFigure } from "../pkg/index.js";
-import { h } from "../dom.js";
-import { fixed, significant } from "../format.js";
+import { h } from "../ui/dom.js";
+import { fixed, significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
 /** @typedef {import("../session.js").Session} Session */
@@ -36,17 +36,23 @@ export function capabilityView(session) {
     id: "capability",
     label: "Tracking capability over a common factor of all thresholds",
     draw: (theme, width) =>
-      session.evaluation ? capabilityFigure(session.evaluation, theme ? factor : undefined, theme, width) : null,
+      session.score.evaluation
+        ? capabilityFigure(session.score.evaluation, theme ? factor : undefined, theme, width)
+        : null,
     drawn: (drawn) => {
       range = drawn.x;
-      slider.value = String(Math.round((STEPS * Math.log(factor / range[0])) / Math.log(range[1] / range[0])));
+      slider.value = String(
+        Math.round((STEPS * Math.log(factor / range[0])) / Math.log(range[1] / range[0])),
+      );
       tell();
     },
   });
 
   const read = (/** @type {number} */ at) => {
-    const objects = session.evaluation?.objects ?? [];
-    const tracked = objects.filter(({ error, threshold }) => error !== null && error <= at * threshold);
+    const objects = session.score.evaluation?.objects ?? [];
+    const tracked = objects.filter(
+      ({ error, threshold }) => error !== null && error <= at * threshold,
+    );
     const names = tracked.length > 0 ? tracked.map(({ name }) => name).join(", ") : "none";
     return { tc: tracked.length / Math.max(1, objects.length), names };
   };
@@ -71,8 +77,13 @@ export function capabilityView(session) {
   const element = h(
     "section",
     { class: "panel", "aria-labelledby": "capability-title" },
-    h("h3", { id: "capability-title" }, "If the thresholds were others"),
-    h("p", { class: "hint-line" }, "All thresholds times a common factor. An object joins at its error divided by its threshold."),
+    h("h3", { id: "capability-title" }, "Sensitivity to thresholds"),
+    h(
+      "p",
+      { class: "hint-line" },
+      "All thresholds times a common factor. An object joins at its error divided by its " +
+        "threshold.",
+    ),
     figure.element,
     h("div", { class: "factor" }, h("label", { for: "factor" }, "Factor"), slider, readout),
   );

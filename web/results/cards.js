@@ -1,8 +1,8 @@
 // @ts-check
 /** One object: tracked or not, by how much, by which keypoint, under which map, in which frames. */
 
-import { byId, fill, h, icon } from "../dom.js";
-import { integer, significant } from "../format.js";
+import { byId, fill, h, icon } from "../ui/dom.js";
+import { integer, significant } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -17,7 +17,7 @@ const GAUGE = { from: 1e-4, to: 1 };
  * @param {number} object
  */
 export function card(session, object) {
-  const name = session.evaluation?.objects[object].name ?? "";
+  const name = session.score.evaluation?.objects[object].name ?? "";
   const verdict = h("p", { class: "verdict" });
   const error = h("span", { class: "error-value" });
   const errorLabel = h("span", { class: "error-label" });
@@ -26,14 +26,14 @@ export function card(session, object) {
   const facts = h("dl");
   const map = h("div", { class: "map" });
   const mapDetails = h("details", { class: "map-details" }, h("summary", {}, "Fitted map"), map);
-  const threshold = session.scoring ? thresholdField(session, name) : null;
+  const threshold = session.score.scoring ? thresholdField(session, name) : null;
   const show = h(
     "button",
     {
       type: "button",
       class: "button",
       onclick: () => {
-        session.select({ object });
+        session.score.select({ object });
         byId("viewer").scrollIntoView({ block: "nearest" });
       },
     },
@@ -49,14 +49,14 @@ export function card(session, object) {
     threshold?.element,
     facts,
     mapDetails,
-    session.scoring && show,
+    session.score.scoring && show,
   );
 
   const update = () => {
-    const { evaluation } = session;
+    const { evaluation } = session.score;
     const result = evaluation?.objects[object];
     if (!evaluation || !result) return;
-    const heldOut = evaluation.held_out?.objects[object];
+    const heldOut = session.score.shownHeldOut?.objects[object];
     const shown = heldOut ?? result;
     Object.assign(element.dataset, {
       tracked: String(result.tracked),
@@ -67,7 +67,7 @@ export function card(session, object) {
       frames: String(result.frames),
       outside: String(result.outside),
       heldOut: String(heldOut?.error ?? ""),
-      selected: String(session.scoring !== null && session.selection.object === object),
+      selected: String(session.score.scoring !== null && session.score.selection.object === object),
     });
     const seen = shown.error !== null;
     verdict.dataset.tracked = seen ? String(shown.tracked) : "none";
@@ -86,7 +86,7 @@ export function card(session, object) {
     fill(facts, ...factsOf(session, object, result));
     mapDetails.hidden = !result.map || evaluation.transform === "identity";
     fill(map, ...(result.map ? equations(result.map) : []));
-    show.setAttribute("aria-pressed", String(session.selection.object === object));
+    show.setAttribute("aria-pressed", String(session.score.selection.object === object));
     threshold?.update(result.threshold);
   };
   return { element, update };
@@ -97,7 +97,7 @@ export function card(session, object) {
  * @param {Session} session
  * @param {number} object
  */
-function intervalOf({ intervals, evaluation }, object) {
+function intervalOf({ score: { intervals, evaluation } }, object) {
   const ends = (intervals ?? evaluation?.intervals)?.objects[object]?.error;
   return ends ? ends.map((end) => significant(end)).join(" – ") : null;
 }
@@ -108,37 +108,44 @@ function intervalOf({ intervals, evaluation }, object) {
  * @param {ObjectEvaluation} result
  */
 function factsOf(session, object, result) {
-  const { evaluation } = session;
+  const { evaluation } = session.score;
   const best = result.best_keypoint;
   const second = result.second_best;
-  const displayed = session.keypointOf(object);
+  const displayed = session.score.keypointOf(object);
   const pixels = result.rmse_px;
   const total = evaluation?.frames ?? result.frames;
   const left = [
     total > result.frames && `${integer(total - result.frames)} not visible`,
     (evaluation?.excluded ?? 0) > 0 && `${integer(evaluation?.excluded ?? 0)} not finite`,
   ].filter(Boolean);
-  const fact = (/** @type {string} */ term, /** @type {import("../dom.js").Child[]} */ ...text) =>
-    h("div", {}, h("dt", {}, term), h("dd", {}, ...text));
+  const fact = (
+    /** @type {string} */ term,
+    /** @type {import("../ui/dom.js").Child[]} */ ...text
+  ) => h("div", {}, h("dt", {}, term), h("dd", {}, ...text));
   const look = (/** @type {number} */ keypoint) =>
     h(
       "button",
       {
         type: "button",
         class: "link",
-        disabled: !session.scoring,
+        disabled: !session.score.scoring,
         "aria-label": `Show ${result.name} with keypoint no. ${keypoint}`,
-        onclick: () => session.choose(object, keypoint === best ? null : keypoint),
+        onclick: () => session.score.choose(object, keypoint === best ? null : keypoint),
       },
       `no. ${keypoint}`,
     );
   const interval = intervalOf(session, object);
+  const { shownHeldOut } = session.score;
+  const beside = !shownHeldOut && evaluation?.held_out?.objects[object];
   return [
-    evaluation?.held_out && fact("On the frames fitted on", significant(result.error)),
-    evaluation?.held_out && interval && fact("95 % interval there", interval),
+    shownHeldOut && fact("Fitted on the same frames", significant(result.error)),
+    shownHeldOut && interval && fact("95 % interval there", interval),
+    beside && fact("On held-out sequences", significant(beside.error)),
     fact("Best keypoint", best === null ? "–" : `no. ${best}`),
     second && fact("Second best", look(second.keypoint), ` ${significant(second.error)}`),
-    displayed !== null && displayed !== best && fact("On display", `no. ${displayed} · `, backToBest(session, object)),
+    displayed !== null &&
+      displayed !== best &&
+      fact("On display", `no. ${displayed} · `, backToBest(session, object)),
     fact(
       "RMSE",
       pixels === null || pixels === undefined
@@ -147,7 +154,7 @@ function factsOf(session, object, result) {
     ),
     fact("Frames used", `${integer(result.frames)} of ${integer(total)}`),
     left.length > 0 && fact("Left out", left.join(", ")),
-    result.outside > 0 && fact("Outside the image", `${integer(result.outside)}, they count`),
+    result.outside > 0 && fact("Outside the image", `${integer(result.outside)} (included)`),
   ];
 }
 
@@ -156,7 +163,11 @@ function factsOf(session, object, result) {
  * @param {number} object
  */
 function backToBest(session, object) {
-  return h("button", { type: "button", class: "link", onclick: () => session.choose(object, null) }, "back to the best");
+  return h(
+    "button",
+    { type: "button", class: "link", onclick: () => session.score.choose(object, null) },
+    "back to the best",
+  );
 }
 
 /** A map as two equations. @param {NonNullable<ObjectEvaluation["map"]>} map */
@@ -165,9 +176,15 @@ function equations({ a, b }) {
   const sign = (/** @type {number} */ value) => (value < 0 ? "−" : "+");
   const rows = ["x", "y"].map((axis, i) => {
     const [u, v] = a[i];
-    return `${axis} = ${u < 0 ? "−" : ""}${part(u)} u ${sign(v)} ${part(v)} v ${sign(b[i])} ${part(b[i])}`;
+    return (
+      `${axis} = ${u < 0 ? "−" : ""}${part(u)} u ${sign(v)} ${part(v)} v ${sign(b[i])} ` +
+      `${part(b[i])}`
+    );
   });
-  return [...rows.map((row) => h("p", {}, h("code", {}, row))), h("p", { class: "hint-line" }, "(u, v): the keypoint; (x, y): the object, ndc")];
+  return [
+    ...rows.map((row) => h("p", {}, h("code", {}, row))),
+    h("p", { class: "hint-line" }, "(u, v) is the keypoint, (x, y) the object, both in ndc"),
+  ];
 }
 
 /**
@@ -189,27 +206,32 @@ function thresholdField(session, object) {
       const valid = Number.isFinite(value) && value > 0;
       input.setAttribute("aria-invalid", String(!valid));
       hint.textContent = valid ? "" : `Expected a number above 0; ${inForce} still holds.`;
-      if (valid) session.setThreshold(object, value);
+      if (valid) session.score.setThreshold(object, value);
     },
     // Leaving the field with something impossible in it brings back what is in force.
     onblur: () => {
-      if (input.getAttribute("aria-invalid") === "true") reset(session.options.thresholds?.[object] ?? null);
+      if (input.getAttribute("aria-invalid") === "true")
+        reset(session.score.options.thresholds.get(object) ?? null);
     },
   });
   const hint = h("span", { id: `${id}-hint`, class: "hint", role: "status" });
-  const button = h("button", { type: "button", class: "link", onclick: () => reset(null) }, "Default");
+  const button = h(
+    "button",
+    { type: "button", class: "link", onclick: () => reset(null) },
+    "Default",
+  );
   const reset = (/** @type {number | null} */ value) => {
     input.setAttribute("aria-invalid", "false");
     hint.textContent = "";
     input.blur();
-    session.setThreshold(object, value);
+    session.score.setThreshold(object, value);
   };
   const update = (/** @type {number} */ threshold) => {
     inForce = threshold;
     // What is being typed is not rewritten.
     if (document.activeElement !== input) input.value = String(threshold);
-    button.hidden = threshold === session.defaultThresholds[object];
-    button.title = `Back to ${session.defaultThresholds[object]}`;
+    button.hidden = threshold === session.score.defaultThresholds.get(object);
+    button.title = `Back to ${session.score.defaultThresholds.get(object)}`;
   };
   const element = h(
     "div",
@@ -229,11 +251,21 @@ function gaugeView() {
     for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
     return element;
   };
-  const root = make("svg", { class: "gauge", viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" });
+  const root = make("svg", {
+    class: "gauge",
+    viewBox: "0 0 100 10",
+    preserveAspectRatio: "none",
+    "aria-hidden": "true",
+  });
   const bar = make("rect", { class: "gauge-bar", y: "3", height: "4", x: "0" });
   const tick = make("rect", { class: "gauge-tick", y: "0", height: "10", width: "0.8" });
   const second = make("rect", { class: "gauge-second", y: "3", height: "4", width: "0.6" });
-  root.append(make("rect", { class: "gauge-track", y: "3", height: "4", width: "100" }), bar, second, tick);
+  root.append(
+    make("rect", { class: "gauge-track", y: "3", height: "4", width: "100" }),
+    bar,
+    second,
+    tick,
+  );
 
   const position = (/** @type {number} */ error) => {
     const share = Math.log(error / GAUGE.from) / Math.log(GAUGE.to / GAUGE.from);
@@ -243,7 +275,13 @@ function gaugeView() {
     "div",
     { class: "gauge-frame", "aria-hidden": "true" },
     root,
-    h("div", { class: "gauge-scale" }, h("span", {}, "0.0001"), h("span", {}, "0.01"), h("span", {}, "1")),
+    h(
+      "div",
+      { class: "gauge-scale" },
+      h("span", {}, "0.0001"),
+      h("span", {}, "0.01"),
+      h("span", {}, "1"),
+    ),
   );
   /**
    * @param {number | null} error

@@ -1,9 +1,9 @@
 // @ts-check
-/** What others measure of the same data, computed when it is looked at. */
+/** Metrics of other authors, computed when they are looked at. */
 
-import { fill, h } from "../dom.js";
-import { integer, significant } from "../format.js";
-import { scrollRegion } from "../scroll-region.js";
+import { fill, h } from "../ui/dom.js";
+import { fixed, integer, significant } from "../ui/format.js";
+import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -18,17 +18,17 @@ export function contextView(session) {
   const element = h(
     "details",
     { class: "panel context", id: "context", ontoggle: () => update() },
-    h("summary", {}, h("h3", {}, "What others measure"), " regression with PCK, min-cost assignment"),
+    h("summary", {}, h("h3", {}, "Other metrics"), " regression with PCK, min-cost assignment"),
     body,
   );
   const update = () => {
     if (!element.open) return;
     // Neither the map nor the thresholds matter here.
-    const now = `${session.evaluation?.frames} ${session.folds}`;
+    const now = `${session.score.evaluation?.frames} ${session.score.folds}`;
     if (now === key) return;
     key = now;
-    const context = session.context();
-    fill(body, ...(context ? tables(context) : [h("p", {}, "The saved evaluation does not have them.")]));
+    const context = session.score.context();
+    fill(body, ...(context ? tables(context) : [h("p", {}, "The saved evaluation has none.")]));
   };
   return { element, update };
 }
@@ -36,13 +36,16 @@ export function contextView(session) {
 /** @param {Context} context */
 function tables(context) {
   const within = context.close.map((share) => `within ${percent(share)}`);
-  const pck = (/** @type {number[] | null} */ shares) => context.close.map((_, i) => (shares ? percent(shares[i]) : "–"));
+  const pck = (/** @type {number[] | null} */ shares) =>
+    context.close.map((_, i) => (shares ? percent(shares[i]) : "–"));
   return [
     h(
       "p",
       { class: "hint-line" },
-      "Every object predicted from all keypoints together by linear regression, and the percentage of correct positions (PCK) " +
-        "within a share of the side of the image (T. Jakab et al., 2018; their 6 of 128 pixels is the middle one). It asks whether " +
+      "Every object predicted from all keypoints together by linear regression, and the " +
+        "percentage of correct positions (PCK) " +
+        "within a share of the side of the image (T. Jakab et al., 2018; their 6 of 128 pixels " +
+        "is the middle one). It asks whether " +
         "the position is somewhere in the keypoints, not whether one of them follows the object.",
     ),
     table(
@@ -57,8 +60,10 @@ function tables(context) {
     h(
       "p",
       { class: "hint-line" },
-      "Keypoints as they are, matched one to one to the objects with the smallest total distance (T. Kulkarni et al., 2019): precision " +
-        "is the share of keypoints that are matched that closely, recall that of objects; anew in every frame, or once a sequence.",
+      "Keypoints as they are, matched one to one to the objects with the smallest total distance " +
+        "(T. Kulkarni et al., 2019): precision " +
+        "is the share of keypoints that are matched that closely, recall that of objects; anew " +
+        "in every frame, or once a sequence.",
     ),
     table(
       ["matched", "", ...within],
@@ -78,17 +83,26 @@ function table(head, rows) {
   const element = h(
     "table",
     {},
-    h("thead", {}, h("tr", {}, ...head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td"))))),
+    h(
+      "thead",
+      {},
+      h("tr", {}, ...head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td")))),
+    ),
     h(
       "tbody",
       {},
-      ...rows.map(([first, ...rest]) => h("tr", {}, h("th", { scope: "row" }, first), ...rest.map((text) => h("td", {}, text)))),
+      ...rows.map(([first, ...rest]) =>
+        h("tr", {}, h("th", { scope: "row" }, first), ...rest.map((text) => h("td", {}, text))),
+      ),
     ),
   );
-  return scrollRegion(h("div", { class: "table-scroll" }, element), head.filter(Boolean).join(", "));
+  return scrollRegion(
+    h("div", { class: "table-scroll" }, element),
+    head.filter(Boolean).join(", "),
+  );
 }
 
 /** @param {number} share */
 function percent(share) {
-  return `${Number((100 * share).toFixed(1))} %`;
+  return `${fixed(100 * share, 1)} %`;
 }

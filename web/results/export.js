@@ -1,9 +1,9 @@
 // @ts-check
-/** Taking the results away: files, and the command that repeats them. */
+/** Export of the results: files, and the command that repeats them. */
 
 import init, { evaluationCsv, evaluationPage } from "../pkg/index.js";
-import { announce, h, icon } from "../dom.js";
-import { save } from "../download.js";
+import { announce, h, icon } from "../ui/dom.js";
+import { save } from "../ui/download.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -15,11 +15,14 @@ const COPIED_MS = 2000;
 
 /** @param {Session} session */
 export function exportView(session) {
-  const item = (/** @type {string} */ id, /** @type {string} */ label, /** @type {() => void} */ onclick) =>
-    h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
+  const item = (
+    /** @type {string} */ id,
+    /** @type {string} */ label,
+    /** @type {() => void} */ onclick,
+  ) => h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
   const complete = (/** @type {(evaluation: Evaluation) => void} */ write) => async () => {
     await init(["figures"]);
-    const evaluation = session.completeEvaluation();
+    const evaluation = session.score.completeEvaluation();
     if (evaluation) write(evaluation);
   };
   const command = h("code", { id: "command" });
@@ -53,25 +56,37 @@ export function exportView(session) {
   const element = h(
     "section",
     { class: "panel taking", "aria-labelledby": "taking-title" },
-    h("h3", { id: "taking-title" }, "Take it away"),
+    h("h3", { id: "taking-title" }, "Export"),
     h(
       "div",
       { class: "downloads" },
-      item("save-report", "Report (HTML)", complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation)))),
+      item(
+        "save-report",
+        "Report (HTML)",
+        complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation))),
+      ),
       item(
         "save-evaluation",
         "Evaluation (JSON)",
-        complete((evaluation) => save("evaluation.json", "application/json", `${JSON.stringify(evaluation, null, 2)}\n`)),
+        complete((evaluation) =>
+          save("evaluation.json", "application/json", `${JSON.stringify(evaluation, null, 2)}\n`),
+        ),
       ),
-      item("save-table", "Table (CSV)", complete((evaluation) => save("evaluation.csv", "text/csv", evaluationCsv(evaluation)))),
+      item(
+        "save-table",
+        "Table (CSV)",
+        complete((evaluation) => save("evaluation.csv", "text/csv", evaluationCsv(evaluation))),
+      ),
       session.table &&
-        item("save-keypoints", "Keypoints (CSV)", () => save("keypoints.csv", "text/csv", session.table?.toCsv() ?? "")),
+        item("save-keypoints", "Keypoints (CSV)", () =>
+          save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
+        ),
     ),
-    h("p", { class: "hint-line" }, "Figures are saved below each of them."),
+    h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
     repeat,
   );
   const update = () => {
-    command.textContent = session.command();
+    command.textContent = session.score.command();
     repeat.hidden = command.textContent === "";
   };
   return { element, update };

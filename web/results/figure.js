@@ -1,10 +1,14 @@
 // @ts-check
-/** Figures of the results: SVG from the package, redrawn for the width and the colours in force, saved as SVG and PNG. */
+/**
+ * Figures of the results: SVG from the package, redrawn for the width and the colours in force,
+ * saved as SVG and PNG.
+ */
 
 import init from "../pkg/index.js";
-import { fill, h, icon } from "../dom.js";
-import { save } from "../download.js";
-import { scrollRegion } from "../scroll-region.js";
+import { fill, h, icon } from "../ui/dom.js";
+import { save } from "../ui/download.js";
+import { toPng } from "../ui/png.js";
+import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
  * @typedef {import("../pkg/index.js").Drawn} Drawn
@@ -14,9 +18,8 @@ import { scrollRegion } from "../scroll-region.js";
 /** In CSS pixels. */
 const FONT_SIZE = { usual: 13, narrow: 11 };
 const NARROW = 480;
-/** Of a saved figure, and pixels of a PNG for one of it. */
+/** The width of a saved figure. */
 const SAVED_WIDTH = 880;
-const PNG_SCALE = 2;
 
 /**
  * A figure with its links to save it, a layer over it for what reacts, and a tip.
@@ -44,7 +47,14 @@ export function figureView({ id, label, draw, drawn }) {
     try {
       await init(["figures"]);
     } catch (error) {
-      fill(plate, h("p", { class: "hint-line" }, `The figure cannot be drawn: ${/** @type {Error} */ (error).message}`));
+      fill(
+        plate,
+        h(
+          "p",
+          { class: "hint-line" },
+          `The figure cannot be drawn: ${/** @type {Error} */ (error).message}`,
+        ),
+      );
       return;
     }
     if (scroll.clientWidth === 0) return;
@@ -104,26 +114,8 @@ function saveLinks(id, label, svg) {
     "div",
     { class: "figure-links" },
     link("SVG", (document) => save(`${id}.svg`, "image/svg+xml", document)),
-    link("PNG", (document) => void savePng(`${id}.png`, document)),
+    link("PNG", async (document) => save(`${id}.png`, "image/png", await toPng(document))),
   );
-}
-
-/**
- * @param {string} name
- * @param {string} svg
- */
-async function savePng(name, svg) {
-  const url = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
-  try {
-    const image = new Image();
-    image.src = url;
-    await image.decode();
-    const canvas = h("canvas", { width: PNG_SCALE * image.naturalWidth, height: PNG_SCALE * image.naturalHeight });
-    canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
-    canvas.toBlob((blob) => blob && save(name, "image/png", blob), "image/png");
-  } finally {
-    URL.revokeObjectURL(url);
-  }
 }
 
 /** @param {string} svg */

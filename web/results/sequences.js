@@ -1,9 +1,12 @@
 // @ts-check
-/** Where the error of an object comes from: its sequences and frames, the worst ones first, and a way to each. */
+/**
+ * Where the error of an object comes from: its sequences and frames, the worst ones first, and a
+ * way to each.
+ */
 
 import { sequencesFigure } from "../pkg/index.js";
-import { byId, fill, h } from "../dom.js";
-import { count, integer, significant } from "../format.js";
+import { byId, fill, h } from "../ui/dom.js";
+import { count, integer, significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
 /**
@@ -25,7 +28,7 @@ export function sequencesView(session) {
   const objects = h("select", {
     "aria-label": "Object",
     id: "sequences-object",
-    onchange: () => session.select({ object: objects.selectedIndex }),
+    onchange: () => session.score.select({ object: objects.selectedIndex }),
   });
   const sequenceList = h("ol", { class: "worst", id: "worst-sequences" });
   const frameList = h("ol", { class: "worst", id: "worst-frames" });
@@ -35,10 +38,18 @@ export function sequencesView(session) {
     label: "Error of the object in each sequence, the worst one first",
     draw: (theme, width) => {
       if (errors.length < 2) return null;
-      const { frame } = session.selection;
-      const selected = errors.findIndex(({ start, length }) => frame >= start && frame < start + length);
+      const { frame } = session.score.selection;
+      const selected = errors.findIndex(
+        ({ start, length }) => frame >= start && frame < start + length,
+      );
       const marked = theme && selected >= 0 ? selected : undefined;
-      return sequencesFigure(Float64Array.from(errors, ({ error }) => error), threshold, marked, theme, width);
+      return sequencesFigure(
+        Float64Array.from(errors, ({ error }) => error),
+        threshold,
+        marked,
+        theme,
+        width,
+      );
     },
   });
   const under = (/** @type {MouseEvent} */ event) => {
@@ -54,42 +65,58 @@ export function sequencesView(session) {
   };
   figure.layer.addEventListener("pointermove", (event) => {
     const found = under(event);
-    figure.layer.dataset.active = String(found !== null && session.scoring !== null);
-    if (found) figure.showTip(`${found.worst.sequence}: error ${significant(found.worst.error)}`, found.x, found.y);
+    figure.layer.dataset.active = String(found !== null && session.score.scoring !== null);
+    if (found)
+      figure.showTip(
+        `${found.worst.sequence}: error ${significant(found.worst.error)}`,
+        found.x,
+        found.y,
+      );
     else figure.showTip(null);
   });
   figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
   figure.layer.addEventListener("click", (event) => {
     const found = under(event);
-    if (found && session.scoring) show(session, found.worst.worst);
+    if (found && session.score.scoring) show(session, found.worst.worst);
   });
 
   const update = () => {
-    const { object } = session.selection;
-    const keypoint = session.keypointOf(object);
-    const result = session.evaluation?.objects[object];
-    const isKnown = session.scoring !== null || session.saved?.evaluation.sequences !== undefined;
+    const { object } = session.score.selection;
+    const keypoint = session.score.keypointOf(object);
+    const result = session.score.evaluation?.objects[object];
+    const isKnown =
+      session.score.scoring !== null || session.score.saved?.evaluation.sequences !== undefined;
     element.hidden = !isKnown || keypoint === null || !result;
     if (!isKnown || keypoint === null || !result) {
       key = "";
       return;
     }
-    fill(objects, ...session.objects.map((name, k) => h("option", { selected: k === object }, name)));
-    objects.hidden = session.objects.length < 2;
+    fill(
+      objects,
+      ...session.score.objects.map((name, k) => h("option", { selected: k === object }, name)),
+    );
+    objects.hidden = session.score.objects.length < 2;
     title.textContent = `Where the error of ${result.name} comes from`;
     threshold = result.threshold;
-    const now = `${object} ${keypoint} ${session.options.transform} ${session.options.rank}`;
+    const now =
+      `${object} ${keypoint} ${session.score.options.transform} ` + `${session.score.options.rank}`;
     if (now !== key) {
       key = now;
-      errors = session.errorsBySequence(object, keypoint);
+      errors = session.score.errorsBySequence(object, keypoint);
       fill(sequenceList, ...errors.slice(0, SHOWN).map((worst) => sequenceItem(session, worst)));
-      fill(frameList, ...session.worstFrames(object, keypoint, SHOWN).map((worst) => frameItem(session, worst)));
+      fill(
+        frameList,
+        ...session.score
+          .worstFrames(object, keypoint, SHOWN)
+          .map((worst) => frameItem(session, worst)),
+      );
       sequencePart.hidden = errors.length < 2;
       hint.textContent =
         errors.length < 2
           ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
-          : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one first; dashed: the threshold. ` +
-            (session.scoring ? "Choose one to see its worst frame." : "");
+          : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one ` +
+            "first; dashed: the threshold. " +
+            (session.score.scoring ? "Choose one to see its worst frame." : "");
     }
     figure.update();
   };
@@ -100,7 +127,17 @@ export function sequencesView(session) {
     h("div", { class: "panel-head" }, title, objects),
     hint,
     figure.element,
-    h("div", { class: "worst-lists" }, sequencePart, h("div", {}, h("h4", {}, session.scoring ? "Worst frames" : "Their worst frames"), frameList)),
+    h(
+      "div",
+      { class: "worst-lists" },
+      sequencePart,
+      h(
+        "div",
+        {},
+        h("h4", {}, session.score.scoring ? "Worst frames" : "Their worst frames"),
+        frameList,
+      ),
+    ),
   );
   return { element, update, reset: () => (key = "") };
 }
@@ -135,7 +172,9 @@ function item(session, text, position, error, title) {
   return h(
     "li",
     {},
-    position < 0 ? h("span", {}, text) : h("button", { type: "button", class: "link", title, data, onclick }, text),
+    position < 0
+      ? h("span", {}, text)
+      : h("button", { type: "button", class: "link", title, data, onclick }, text),
     h("span", { class: "worst-error" }, significant(error)),
   );
 }
@@ -145,6 +184,6 @@ function item(session, text, position, error, title) {
  * @param {number} frame
  */
 function show(session, frame) {
-  session.select({ frame });
+  session.score.select({ frame });
   byId("viewer").scrollIntoView({ block: "nearest" });
 }

@@ -1,8 +1,8 @@
 // @ts-check
 /** Tracking capability at large, how it was scored, and the switches of that. */
 
-import { fill, h, notice } from "../dom.js";
-import { baseName, count, fixed } from "../format.js";
+import { fill, h, notice } from "../ui/dom.js";
+import { baseName, count, fixed } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -26,7 +26,10 @@ const FOLDS = [2, 3, 5, 10];
 
 /** @param {{ tracked: boolean }[]} objects */
 export function tally(objects) {
-  return `${objects.filter(({ tracked }) => tracked).length} of ${count(objects.length, "object")} tracked`;
+  return (
+    `${objects.filter(({ tracked }) => tracked).length} of ` +
+    `${count(objects.length, "object")} tracked`
+  );
 }
 
 /** @param {Session} session */
@@ -38,28 +41,52 @@ export function summaryView(session) {
   const warnings = h("div", { class: "warnings" });
 
   const update = () => {
-    const { evaluation, intervals } = session;
+    const { evaluation, intervals } = session.score;
     if (!evaluation) return;
-    const heldOut = evaluation.held_out;
-    value.textContent = fixed(heldOut?.tc ?? evaluation.tc);
-    value.dataset.tc = String(heldOut?.tc ?? evaluation.tc);
+    const heldOut = session.score.shownHeldOut;
+    const tc = heldOut?.tc ?? evaluation.tc;
+    value.textContent = tc === null ? "unknown" : fixed(tc);
+    value.dataset.tc = String(tc);
     share.textContent = tally(heldOut?.objects ?? evaluation.objects);
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
-    if (heldOut) interval.textContent = `On the frames fitted on ${fixed(evaluation.tc)}${known ? `, 95 % interval ${known}` : ""}`;
-    else interval.textContent = known ? `95 % interval ${known}` : session.resampling.intervals ? "Drawing the 95 % interval …" : "";
+    if (heldOut) {
+      const fitted = `Fitted on the same frames: ${evaluation.tc === null ? "unknown" : fixed(evaluation.tc)}`;
+      interval.textContent = fitted + (known ? `, 95 % interval ${known}` : "");
+    } else {
+      const { held_out: beside } = evaluation;
+      const drawing = session.score.resampling.intervals && "Drawing the 95 % interval …";
+      interval.textContent = [
+        known ? `95 % interval ${known}` : drawing,
+        beside && `On held-out sequences (${beside.folds} folds): ${fixed(beside.tc)}`,
+      ]
+        .filter(Boolean)
+        .join(". ");
+    }
     protocol.textContent = describeProtocol(session, evaluation);
     fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
   };
 
-  const switches = session.scoring
-    ? [transformSwitch(session), protocolSelect(session), rankSelect(session), intervalsBox(session)]
+  const switches = session.score.scoring
+    ? [
+        transformSwitch(session),
+        protocolSelect(session),
+        rankSelect(session),
+        intervalsBox(session),
+      ]
     : [];
   const element = h(
     "div",
     { class: "panel score" },
-    h("div", { class: "tc" }, h("h2", { id: "results-title" }, "Tracking capability"), value, share, interval),
+    h(
+      "div",
+      { class: "tc" },
+      h("h2", { id: "results-title" }, "Tracking capability"),
+      value,
+      share,
+      interval,
+    ),
     switches.length > 0 && h("div", { class: "settings" }, ...switches),
     protocol,
   );
@@ -76,13 +103,15 @@ export function summaryView(session) {
  * What a saved evaluation cannot show.
  * @param {Session} session
  */
-function savedNotice({ saved, savedIn }) {
+function savedNotice({ score: { saved, savedIn } }) {
   if (!saved || !savedIn) return null;
   const lacks = saved.lacks.length > 0 ? ` It was saved without ${saved.lacks.join(", ")}.` : "";
   return notice(
     "info",
-    `Shown as ${baseName(savedIn.path)} has it, which tracklens ${saved.evaluation.version} computed.${lacks} Frames, ` +
-      "trajectories and keypoints are in no such file, so nothing can be played or scored otherwise: add the images or keypoints " +
+    `Shown as ${baseName(savedIn.path)} has it, which tracklens ${saved.evaluation.version} ` +
+      `computed.${lacks} Frames, ` +
+      "trajectories and keypoints are in no such file, so nothing can be played or scored " +
+      "otherwise: add the images or keypoints " +
       "and the ground truth for that.",
     { class: "saved" },
   );
@@ -95,18 +124,22 @@ function savedNotice({ saved, savedIn }) {
 function describeProtocol(session, evaluation) {
   const frames = count(evaluation.frames, "frame");
   const size = evaluation.image_size;
-  const { held_out: heldOut } = evaluation;
+  const heldOut = session.score.shownHeldOut;
   const map = heldOut
-    ? `The map from keypoint to object and the best keypoint are those of the other sequences, in ${heldOut.folds} folds; ` +
+    ? "The map from keypoint to object and the best keypoint are those of the other sequences, " +
+      `in ${heldOut.folds} folds; ` +
       "the errors are on frames they were not fitted on."
-    : `The map from keypoint to object is fitted and scored on the same ${frames}, as in the authors’ code.`;
+    : `The map from keypoint to object is fitted and scored on the same ${frames}, as in the ` +
+      "authors’ code.";
   return [
     evaluation.transform === "identity"
       ? `Keypoints are scored as they are, without a fitted map, on ${frames}.`
       : map,
-    "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 across the image).",
+    "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 " +
+      "across the image).",
     size && `Pixels are those of images of ${size[0]}\u00a0×\u00a0${size[1]}.`,
-    evaluation.excluded > 0 && `${count(evaluation.excluded, "frame")} with a keypoint that is not finite left out.`,
+    evaluation.excluded > 0 &&
+      `${count(evaluation.excluded, "frame")} left out: a keypoint is missing or not finite.`,
   ]
     .filter(Boolean)
     .join(" ");
@@ -129,8 +162,8 @@ function transformSwitch(session) {
             type: "radio",
             name: "transform",
             value: transform,
-            checked: session.options.transform === transform,
-            onchange: () => session.setOptions({ transform }),
+            checked: session.score.options.transform === transform,
+            onchange: () => session.score.setOptions({ transform }),
           }),
           h("span", {}, label),
         ),
@@ -145,9 +178,12 @@ function rankSelect(session) {
     "select",
     {
       id: "rank",
-      onchange: () => session.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
+      onchange: () =>
+        session.score.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
     },
-    ...RANKS.map(([rank, label]) => h("option", { value: rank, selected: session.options.rank === rank }, label)),
+    ...RANKS.map(([rank, label]) =>
+      h("option", { value: rank, selected: session.score.options.rank === rank }, label),
+    ),
   );
   return h(
     "label",
@@ -159,17 +195,25 @@ function rankSelect(session) {
 
 /** @param {Session} session */
 function protocolSelect(session) {
-  const most = session.sequences.length;
-  const folds = [...new Set(FOLDS.map((folds) => Math.min(folds, most)))].filter((folds) => folds > 1);
+  const most = session.score.sequences.length;
+  const folds = [...new Set(FOLDS.map((folds) => Math.min(folds, most)))].filter(
+    (folds) => folds > 1,
+  );
   const select = h(
     "select",
     {
       id: "protocol",
       disabled: most < 2,
-      onchange: () => session.setResampling({ folds: Number(select.value) }),
+      onchange: () => session.score.setResampling({ folds: Number(select.value) }),
     },
-    h("option", { value: "0", selected: session.folds === 0 }, "the frames fitted on"),
-    ...folds.map((n) => h("option", { value: String(n), selected: session.folds === n }, `held-out sequences, ${n} folds`)),
+    h("option", { value: "0", selected: session.score.folds === 0 }, "the same frames"),
+    ...folds.map((n) =>
+      h(
+        "option",
+        { value: String(n), selected: session.score.folds === n },
+        `held-out sequences, ${n} folds`,
+      ),
+    ),
   );
   const title =
     most < 2
@@ -183,12 +227,12 @@ function intervalsBox(session) {
   const box = h("input", {
     type: "checkbox",
     id: "intervals",
-    disabled: session.sequences.length < 2,
-    checked: session.resampling.intervals,
-    onchange: () => session.setResampling({ intervals: box.checked }),
+    disabled: session.score.sequences.length < 2,
+    checked: session.score.resampling.intervals,
+    onchange: () => session.score.setResampling({ intervals: box.checked }),
   });
   const title =
-    session.sequences.length < 2
+    session.score.sequences.length < 2
       ? "Intervals take at least two sequences"
       : "Percentile bootstrap: the sequences are drawn 1000 times with replacement";
   return h("label", { class: "check", title }, box, h("span", {}, "95 % intervals over sequences"));

@@ -50,7 +50,13 @@ export function gestures(canvas, { onView, onClick }) {
       if (event.deltaY > 0 && view.zoom === 1 && !event.ctrlKey) return;
       event.preventDefault();
       const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 20 : 1;
-      show(zoomed(view, Math.exp(-0.002 * lines * event.deltaY * (event.ctrlKey ? 4 : 1)), share(event)));
+      show(
+        zoomed(
+          view,
+          Math.exp(-0.002 * lines * event.deltaY * (event.ctrlKey ? 4 : 1)),
+          share(event),
+        ),
+      );
     },
     { passive: false },
   );
@@ -70,9 +76,12 @@ export function gestures(canvas, { onView, onClick }) {
     const [from, to] = [share(before), share(event)];
     travelled += Math.hypot(event.clientX - before.clientX, event.clientY - before.clientY);
     if (pressed.size === 2) {
-      const [other] = [...pressed.values()].filter(({ pointerId }) => pointerId !== event.pointerId);
+      const [other] = [...pressed.values()].filter(
+        ({ pointerId }) => pointerId !== event.pointerId,
+      );
       const still = share(other);
-      const span = (/** @type {{ x: number, y: number }} */ { x, y }) => Math.hypot(x - still.x, y - still.y);
+      const span = (/** @type {{ x: number, y: number }} */ { x, y }) =>
+        Math.hypot(x - still.x, y - still.y);
       show(zoomed(view, span(to) / Math.max(span(from), 1e-3), still));
     } else if (view.zoom > 1 && travelled > CLICK) {
       show(panned(view, { x: to.x - from.x, y: to.y - from.y }));
@@ -80,11 +89,17 @@ export function gestures(canvas, { onView, onClick }) {
     pressed.set(event.pointerId, event);
   });
   const release = (/** @type {PointerEvent} */ event) => {
-    if (pressed.delete(event.pointerId) && pressed.size === 0 && travelled <= CLICK && event.type === "pointerup") {
+    if (
+      pressed.delete(event.pointerId) &&
+      pressed.size === 0 &&
+      travelled <= CLICK &&
+      event.type === "pointerup"
+    ) {
       onClick(event);
     }
   };
-  for (const type of /** @type {const} */ (["pointerup", "pointercancel"])) canvas.addEventListener(type, release);
+  for (const type of /** @type {const} */ (["pointerup", "pointercancel"]))
+    canvas.addEventListener(type, release);
 
   const zoomIn = () => show(zoomed(view, KEY_ZOOM, MIDDLE));
   const zoomOut = () => show(zoomed(view, 1 / KEY_ZOOM, MIDDLE));

@@ -1,7 +1,8 @@
 // @ts-check
 /** The worker of `inside.js`: its own instance of the package, one checkpoint. */
 
-import { decodable } from "../decodable.js";
+import { messageOf } from "../errors.js";
+import { decodable } from "../extraction/decodable.js";
 import init, { Decoder, Encoder } from "../pkg/index.js";
 
 /** The page ends this worker when the checkpoint changes. @type {Encoder | undefined} */
@@ -24,7 +25,11 @@ async function answer(question) {
     if (question.kind === "heat") {
       const { frame, keypoint } = question;
       encoder ??= new Encoder(await bytesOf(checkpoint), checkpoint.path);
-      const map = encoder.heatMap(await decodable(await bytesOf(frame), frame.path), frame.path, keypoint);
+      const map = encoder.heatMap(
+        await decodable(await bytesOf(frame), frame.path),
+        frame.path,
+        keypoint,
+      );
       const { width, height, weights } = map;
       map.free();
       return { map: { width, height, weights } };
@@ -35,7 +40,7 @@ async function answer(question) {
     image.data.set(decoder.reconstruct(question.points));
     return { image };
   } catch (error) {
-    return { problem: error instanceof Error ? error.message : String(error) };
+    return { problem: messageOf(error) };
   }
 }
 
@@ -44,6 +49,9 @@ async function bytesOf({ path, blob }) {
   try {
     return new Uint8Array(await blob.arrayBuffer());
   } catch {
-    throw new Error(`${path} can no longer be read: it was changed or removed after it was dropped; drop it again`);
+    throw new Error(
+      `${path} can no longer be read: it was changed or removed after it was dropped; drop it ` +
+        "again",
+    );
   }
 }

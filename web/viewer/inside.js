@@ -5,11 +5,12 @@
  * responsive.
  */
 
-import { blobOf, readError } from "../files.js";
+import { messageOf } from "../errors.js";
+import { blobOf, readError } from "../files/sources.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
- * @typedef {import("../files.js").Source} Source
+ * @typedef {import("../files/sources.js").Source} Source
  * @typedef {import("./scene.js").Heat} Heat
  * @typedef {{ width: number, height: number, weights: Float32Array }} Weights
  * @typedef {{ path: string, blob: Blob }} Given
@@ -36,11 +37,16 @@ export class Inside {
   #onChange;
   /** In the order of last use. @type {Map<string, Heat | ImageData | null>} */
   #known = new Map();
-  /** What is to be asked when the worker is free: of each kind only the last question. @type {Map<string, () => void>} */
+  /**
+   * What is to be asked when the worker is free: of each kind only the last question.
+   * @type {Map<string, () => void>}
+   */
   #next = new Map();
   #busy = false;
 
-  /** @param {(problem: string) => void} onChange something more is there, or cannot be made and why */
+  /**
+   * @param {(problem: string) => void} onChange something more is there, or cannot be made and why
+   */
   constructor(onChange) {
     this.#onChange = onChange;
   }
@@ -50,7 +56,9 @@ export class Inside {
    * @param {Session} session
    */
   static hasHeat(session) {
-    return session.encoder !== null && !session.used("keypoints") && session.hasPictures;
+    return (
+      session.encoder !== null && !session.library.used("keypoints") && session.score.hasPictures
+    );
   }
 
   /**
@@ -58,7 +66,9 @@ export class Inside {
    * @param {Session} session
    */
   static hasImage(session) {
-    return session.encoder !== null && !session.used("keypoints") && session.encoder.info.decoder;
+    return (
+      session.encoder !== null && !session.library.used("keypoints") && session.encoder.info.decoder
+    );
   }
 
   /**
@@ -68,8 +78,8 @@ export class Inside {
    * @param {number} frame
    */
   heat(session, frame) {
-    const source = session.picture(frame);
-    const keypoint = session.keypointOf(session.selection.object);
+    const source = session.score.picture(frame);
+    const keypoint = session.score.keypointOf(session.score.selection.object);
     if (!Inside.hasHeat(session) || !source || keypoint === null) return null;
     const ask = async (/** @type {Given} */ checkpoint) => ({
       kind: /** @type {const} */ ("heat"),
@@ -90,10 +100,16 @@ export class Inside {
    * @param {number} frame
    */
   image(session, frame) {
-    const points = session.scoring?.keypointsAt(frame);
+    const points = session.score.scoring?.keypointsAt(frame);
     if (!Inside.hasImage(session) || !points) return null;
-    const ask = async (/** @type {Given} */ checkpoint) => ({ kind: /** @type {const} */ ("image"), checkpoint, points });
-    const found = this.#of(session, `image ${frame}`, ask, (answer) => ("image" in answer ? answer.image : null));
+    const ask = async (/** @type {Given} */ checkpoint) => ({
+      kind: /** @type {const} */ ("image"),
+      checkpoint,
+      points,
+    });
+    const found = this.#of(session, `image ${frame}`, ask, (answer) =>
+      "image" in answer ? answer.image : null,
+    );
     return /** @type {ImageData | null} */ (found);
   }
 
@@ -119,7 +135,7 @@ export class Inside {
       this.#known.set(key, known);
       return known;
     }
-    const checkpoint = session.used("checkpoint")?.source;
+    const checkpoint = session.library.used("checkpoint")?.source;
     if (!checkpoint) return null;
     // Of each kind only the last question counts.
     this.#next.set(key.split(" ")[0], () => {
@@ -163,13 +179,14 @@ export class Inside {
       // Its state is unknown: the next question gets a fresh one.
       worker.terminate();
       this.#worker = null;
-      settle({ problem: `That could not be computed (${event.message || "the worker could not be started"}).` });
+      const reason = event.message || "the worker could not be started";
+      settle({ problem: `That could not be computed (${reason}).` });
     };
     try {
       worker.postMessage(await question);
     } catch (error) {
       // Unless everything was cleared meanwhile.
-      if (worker === this.#worker) settle({ problem: error instanceof Error ? error.message : String(error) });
+      if (worker === this.#worker) settle({ problem: messageOf(error) });
     }
   }
 }
@@ -208,9 +225,12 @@ function placed({ width, height, weights }, session, frame) {
     }
   }
   canvas.getContext("2d")?.putImageData(pixels, 0, 0);
-  const [left, top, right, bottom] = session.placed(new Float64Array([-1, -1, 1, 1]), frame);
+  const [left, top, right, bottom] = session.score.placed(new Float64Array([-1, -1, 1, 1]), frame);
   // The points are the centres of the border cells, half a cell inside of the map's edges.
-  const cell = { x: (right - left) / 2 / Math.max(width - 1, 1), y: (bottom - top) / 2 / Math.max(height - 1, 1) };
+  const cell = {
+    x: (right - left) / 2 / Math.max(width - 1, 1),
+    y: (bottom - top) / 2 / Math.max(height - 1, 1),
+  };
   return {
     image: canvas,
     left: (left + 1) / 2 - cell.x / 2,

@@ -1,10 +1,14 @@
 // @ts-check
-/** x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move the frame. */
+/**
+ * x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move
+ * the frame.
+ */
 
+import { messageOf } from "../errors.js";
 import init, { drawLines, linesToSvg } from "../pkg/index.js";
-import { fill, h, icon } from "../dom.js";
-import { save } from "../download.js";
-import { significant } from "../format.js";
+import { fill, h, icon } from "../ui/dom.js";
+import { save } from "../ui/download.js";
+import { significant } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -44,18 +48,20 @@ export function plots(session) {
   let scheduled = false;
   let drawn = "";
   const pair = () => {
-    const { object, frame } = session.selection;
-    return `${object} ${session.keypointOf(object)} ${session.sequenceOf(frame)?.start}`;
+    const { object, frame } = session.score.selection;
+    return (
+      `${object} ${session.score.keypointOf(object)} ` + `${session.score.sequenceOf(frame)?.start}`
+    );
   };
   const draw = async () => {
     scheduled = false;
-    if (!session.scoring) return;
+    if (!session.score.scoring) return;
     drawn = pair();
     try {
       // Loaded when there is something to draw.
       await init(["figures"]);
     } catch (error) {
-      const reason = error instanceof Error ? error.message : String(error);
+      const reason = messageOf(error);
       for (const view of views) view.fail(`No plot: ${reason}. Reload the page to try again.`);
       return;
     }
@@ -72,8 +78,8 @@ export function plots(session) {
     if (pair() !== drawn) schedule();
     for (const view of views) view.moveCursor();
   };
-  session.addEventListener("selection", follow);
-  for (const topic of ["scoring", "evaluation"]) session.addEventListener(topic, schedule);
+  session.score.addEventListener("selection", follow);
+  for (const topic of ["scoring", "evaluation"]) session.score.addEventListener(topic, schedule);
   // Zooming changes the pixels of a canvas without changing its size in the layout.
   window.addEventListener("resize", schedule);
   const resized = new ResizeObserver(schedule);
@@ -107,7 +113,12 @@ function plotView(session, quantity) {
       h("span", { class: "visually-hidden" }, ` of ${quantity} over the frames`),
     ),
   );
-  const element = h("figure", { class: "plot-figure" }, h("figcaption", {}, title, readout, ...saved), surface);
+  const element = h(
+    "figure",
+    { class: "plot-figure" },
+    h("figcaption", {}, title, readout, ...saved),
+    surface,
+  );
 
   /** @type {{ plot: Plot, area: PlotArea, scale: number } | null} */
   let shown = null;
@@ -122,7 +133,8 @@ function plotView(session, quantity) {
     const fontSize = clientWidth < NARROW ? FONT_SIZE.narrow : FONT_SIZE.usual;
     const plot = describe(session, quantity, colors, Math.round(fontSize * scale));
     const [width, height] = [clientWidth, clientHeight].map((side) => Math.round(side * scale));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    if (canvas.width !== width || canvas.height !== height)
+      Object.assign(canvas, { width, height });
     element.dataset.empty = String(plot === null);
     if (!plot) {
       canvas.getContext("2d")?.clearRect(0, 0, width, height);
@@ -141,8 +153,8 @@ function plotView(session, quantity) {
 
   /** The frame on display: the line over the plot and the values beside the title. */
   const moveCursor = () => {
-    const sequence = session.sequenceOf(session.selection.frame);
-    const index = session.selection.frame - (sequence?.start ?? 0);
+    const sequence = session.score.sequenceOf(session.score.selection.frame);
+    const index = session.score.selection.frame - (sequence?.start ?? 0);
     cursor.hidden = !shown || index >= shown.plot.at.length;
     fill(readout);
     if (!shown || cursor.hidden) return;
@@ -164,7 +176,8 @@ function plotView(session, quantity) {
     if (!shown) return null;
     const { plot, area, scale } = shown;
     const column = (event.clientX - canvas.getBoundingClientRect().left) * scale;
-    const position = ((column - area.left) / Math.max(area.right - area.left, 1)) * (area.end - area.start);
+    const position =
+      ((column - area.left) / Math.max(area.right - area.left, 1)) * (area.end - area.start);
     let nearest = 0;
     for (const [i, at] of plot.at.entries()) {
       if (Math.abs(at - position) < Math.abs(plot.at[nearest] - position)) nearest = i;
@@ -173,8 +186,8 @@ function plotView(session, quantity) {
   };
   const seek = (/** @type {PointerEvent} */ event) => {
     const index = frameAt(event);
-    const sequence = session.sequenceOf(session.selection.frame);
-    if (index !== null && sequence) session.select({ frame: sequence.start + index });
+    const sequence = session.score.sequenceOf(session.score.selection.frame);
+    if (index !== null && sequence) session.score.select({ frame: sequence.start + index });
   };
   const point = (/** @type {PointerEvent} */ event) => {
     const index = frameAt(event);
@@ -238,10 +251,15 @@ function valueView({ label, mark, value }) {
  * @param {"svg" | "png"} format
  */
 async function savePlot(session, quantity, format) {
-  const plot = describe(session, quantity, PRINT, SAVED.fontSize * (format === "png" ? SAVED.pixels : 1));
+  const plot = describe(
+    session,
+    quantity,
+    PRINT,
+    SAVED.fontSize * (format === "png" ? SAVED.pixels : 1),
+  );
   if (!plot) return;
   const figure = { ...plot.figure, cursor: null };
-  const sequence = session.sequenceOf(session.selection.frame)?.name;
+  const sequence = session.score.sequenceOf(session.score.selection.frame)?.name;
   const file = `${objectName(session)}-${quantity}-${sequence}.${format}`.replace(/[^\w.-]+/g, "_");
   if (format === "svg") {
     save(file, "image/svg+xml", linesToSvg(figure, SAVED.width, SAVED.height));
@@ -263,12 +281,14 @@ async function savePlot(session, quantity, format) {
  * @returns {Plot | null}
  */
 function describe(session, quantity, colors, fontSize) {
-  const { evaluation, selection } = session;
-  const keypoint = session.keypointOf(selection.object);
-  const series = session.series(selection.object);
-  const sequence = session.sequenceOf(selection.frame);
+  const { evaluation, selection } = session.score;
+  const keypoint = session.score.keypointOf(selection.object);
+  const series = session.score.series(selection.object);
+  const sequence = session.score.sequenceOf(selection.frame);
   if (!evaluation || !series || !sequence) return null;
-  const { start, at } = axisOf(session.frameNumbers.subarray(sequence.start, sequence.start + sequence.length));
+  const { start, at } = axisOf(
+    session.score.frameNumbers.subarray(sequence.start, sequence.start + sequence.length),
+  );
   const length = at[at.length - 1] + 1;
   const line = (
     /** @type {string} */ label,
@@ -289,7 +309,10 @@ function describe(session, quantity, colors, fontSize) {
     yLabel: isError ? "e (ndc²)" : `${quantity} (ndc)`,
     start,
     series: isError
-      ? [line("threshold", colors.foreground, () => threshold), line("error", colors.error, (t) => series.distances[t])]
+      ? [
+          line("threshold", colors.foreground, () => threshold),
+          line("error", colors.error, (t) => series.distances[t]),
+        ]
       : [
           line(`keypoint ${keypoint}`, colors.keypoint, coordinate(series.keypoint)),
           line("truth", colors.truth, coordinate(series.truth)),
@@ -317,12 +340,15 @@ function axisOf(numbers) {
   const span = numbers[numbers.length - 1] - start + 1;
   const increasing = numbers.every((number, i) => i === 0 || number > numbers[i - 1]);
   const dense = increasing && span <= MAX_STRETCH * numbers.length;
-  return { start: dense ? start : 0, at: Array.from(numbers, (number, i) => (dense ? number - start : i)) };
+  return {
+    start: dense ? start : 0,
+    at: Array.from(numbers, (number, i) => (dense ? number - start : i)),
+  };
 }
 
 /** @param {Session} session */
 function objectName(session) {
-  return session.objects[session.selection.object] ?? "";
+  return session.score.objects[session.score.selection.object] ?? "";
 }
 
 /** The colours of the style sheet under the scheme in force. @returns {Colors} */

@@ -1,5 +1,7 @@
 // @ts-check
-/** Draws a frame with its points and their trails. Every mark has a form of its own and an outline. */
+/**
+ * Draws a frame with its points and their trails. Every mark has a form of its own and an outline.
+ */
 
 /**
  * @typedef {object} Scene
@@ -24,7 +26,10 @@
 /** @typedef {Mark | "keypoints" | "trails" | "heat" | "image"} Layer */
 /** @typedef {{ x: number, y: number }} Point */
 
-/** Marks lie on images, so they are the same under light and dark schemes. @type {Record<Mark, string>} */
+/**
+ * Marks lie on images, so they are the same under light and dark schemes.
+ * @type {Record<Mark, string>}
+ */
 const COLORS = { truth: "#ffffff", keypoint: "#ff4b45", transformed: "#45a1ff" };
 const DIM = "rgb(236 240 244 / 80%)";
 const OUTLINE = "rgb(8 10 12 / 75%)";
@@ -70,7 +75,8 @@ export function paint(context, scale, scene) {
     ["transformed", series.transformed],
   ];
   const shown = all.filter(([mark]) => layers.has(mark));
-  const at = (/** @type {Float64Array} */ points, /** @type {number} */ t) => place(points[2 * t], points[2 * t + 1]);
+  const at = (/** @type {Float64Array} */ points, /** @type {number} */ t) =>
+    place(points[2 * t], points[2 * t + 1]);
   for (const [mark, points] of layers.has("trails") ? shown : []) {
     const trail = [];
     for (let t = start; t <= frame; t++) trail.push(at(points, t));
@@ -152,7 +158,10 @@ function paintNumber(context, scale, { keypoints, hovered }, place) {
   context.textAlign = "left";
   context.textBaseline = "middle";
   const padding = 4 * scale;
-  const box = { width: context.measureText(text).width + 2 * padding, height: (SIZE.label + 8) * scale };
+  const box = {
+    width: context.measureText(text).width + 2 * padding,
+    height: (SIZE.label + 8) * scale,
+  };
   const gap = 9 * scale;
   const right = x + gap + box.width <= context.canvas.width;
   const left = right ? x + gap : x - gap - box.width;

@@ -1,8 +1,10 @@
 // @ts-check
-/** The sequences with their errors, to pick one; only the rows in sight are elements of the page. */
+/**
+ * The sequences with their errors, to pick one; only the rows in sight are elements of the page.
+ */
 
-import { fill, h } from "../dom.js";
-import { count, significant } from "../format.js";
+import { fill, h } from "../ui/dom.js";
+import { count, significant } from "../ui/format.js";
 
 /** @typedef {import("../session.js").Session} Session */
 
@@ -31,7 +33,12 @@ export function sequenceList(session) {
       "aria-labelledby": "sequence-list-title",
       onscroll: () => draw(),
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
-        const to = { ArrowDown: current() + 1, ArrowUp: current() - 1, Home: 0, End: order.length - 1 }[event.key];
+        const to = {
+          ArrowDown: current() + 1,
+          ArrowUp: current() - 1,
+          Home: 0,
+          End: order.length - 1,
+        }[event.key];
         if (to === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
         event.preventDefault();
         event.stopPropagation();
@@ -40,36 +47,49 @@ export function sequenceList(session) {
     },
     rows,
   );
-  const sorting = h("button", {
-    type: "button",
-    id: "worst-first",
-    class: "link",
-    "aria-pressed": "false",
-    onclick: () => {
-      worstFirst = !worstFirst;
-      sorting.setAttribute("aria-pressed", String(worstFirst));
-      update();
+  const sorting = h(
+    "button",
+    {
+      type: "button",
+      id: "worst-first",
+      class: "link",
+      "aria-pressed": "false",
+      onclick: () => {
+        worstFirst = !worstFirst;
+        sorting.setAttribute("aria-pressed", String(worstFirst));
+        update();
+      },
     },
-  }, "Worst first");
+    "Worst first",
+  );
   const title = h("h3", { id: "sequence-list-title", class: "small-title" }, "Sequences");
-  const element = h("div", { class: "viewer-sequences" }, h("div", { class: "sequence-head" }, title, sorting), list);
+  const element = h(
+    "div",
+    { class: "viewer-sequences" },
+    h("div", { class: "sequence-head" }, title, sorting),
+    list,
+  );
 
   const shown = () => {
-    const range = session.sequenceOf(session.selection.frame);
-    return range ? session.sequences.indexOf(range) : -1;
+    const range = session.score.sequenceOf(session.score.selection.frame);
+    return range ? session.score.sequences.indexOf(range) : -1;
   };
   const current = () => order.indexOf(shown());
   const pick = (/** @type {number} */ sequence) => {
-    if (session.sequences[sequence]) session.select({ frame: session.sequences[sequence].start });
+    if (session.score.sequences[sequence])
+      session.score.select({ frame: session.score.sequences[sequence].start });
   };
 
   /** Height of a row in CSS pixels: text may be zoomed. */
   let rowHeight = 28;
   const draw = () => {
     // The list also hears of its size when everything was removed.
-    if (!session.scoring) return;
+    if (!session.score.scoring) return;
     const first = Math.max(0, Math.floor(list.scrollTop / rowHeight) - BEYOND);
-    const last = Math.min(order.length, Math.ceil((list.scrollTop + list.clientHeight) / rowHeight) + BEYOND);
+    const last = Math.min(
+      order.length,
+      Math.ceil((list.scrollTop + list.clientHeight) / rowHeight) + BEYOND,
+    );
     const selected = shown();
     const inSight = order.slice(first, last);
     const positions = inSight.map((_, i) => first + i);
@@ -85,9 +105,11 @@ export function sequenceList(session) {
    */
   const row = (position, selected) => {
     const sequence = order[position];
-    const { name, length } = session.sequences[sequence];
+    const { name, length } = session.score.sequences[sequence];
     const error = errors[sequence];
-    const { threshold } = session.evaluation?.objects[session.selection.object] ?? { threshold: NaN };
+    const { threshold } = session.score.evaluation?.objects[session.score.selection.object] ?? {
+      threshold: NaN,
+    };
     const seen = !Number.isNaN(error);
     const bar = h("span", { class: "sequence-bar", "aria-hidden": "true" }, h("span"), h("span"));
     const [extent, tick] = /** @type {HTMLElement[]} */ ([...bar.children]);
@@ -107,7 +129,11 @@ export function sequenceList(session) {
         onclick: () => pick(sequence),
       },
       h("span", { class: "sequence-name" }, name),
-      h("span", { class: "visually-hidden" }, `, ${count(length, "frame")}, ${seen ? "error" : "object not visible"} `),
+      h(
+        "span",
+        { class: "visually-hidden" },
+        `, ${count(length, "frame")}, ${seen ? "error" : "object not visible"} `,
+      ),
       bar,
       h("span", { class: "sequence-error" }, significant(error)),
     );
@@ -120,7 +146,8 @@ export function sequenceList(session) {
     if (at < 0) return;
     const { scrollTop, clientHeight } = list;
     if (at * rowHeight < scrollTop) list.scrollTop = at * rowHeight;
-    else if ((at + 1) * rowHeight > scrollTop + clientHeight) list.scrollTop = (at + 1) * rowHeight - clientHeight;
+    else if ((at + 1) * rowHeight > scrollTop + clientHeight)
+      list.scrollTop = (at + 1) * rowHeight - clientHeight;
   };
 
   /** What the rows were made of. */
@@ -129,16 +156,23 @@ export function sequenceList(session) {
   let at = -1;
   /** Follows the session; does nothing while only the frame within a sequence changes. */
   const update = () => {
-    const { evaluation, selection, sequences } = session;
+    const { evaluation, selection, sequences } = session.score;
     if (!evaluation) return;
     // Another evaluation is another object.
     const shownBefore = scored;
-    scored = { evaluation, object: selection.object, keypoint: session.keypointOf(selection.object), worstFirst };
-    const same = Object.entries(scored).every(([key, value]) => Reflect.get(shownBefore, key) === value);
+    scored = {
+      evaluation,
+      object: selection.object,
+      keypoint: session.score.keypointOf(selection.object),
+      worstFirst,
+    };
+    const same = Object.entries(scored).every(
+      ([key, value]) => Reflect.get(shownBefore, key) === value,
+    );
     if (same && current() === at) return;
     at = current();
     if (!same) {
-      errors = session.sequenceErrors(selection.object);
+      errors = session.score.sequenceErrors(selection.object);
       order = [...sequences.keys()];
       const rank = (/** @type {number} */ i) => (Number.isNaN(errors[i]) ? -1 : errors[i]);
       if (worstFirst) order.sort((a, b) => rank(b) - rank(a));
@@ -146,7 +180,8 @@ export function sequenceList(session) {
     }
     rowHeight = ROW_REM * parseFloat(getComputedStyle(document.documentElement).fontSize);
     rows.style.height = `${order.length * rowHeight}px`;
-    title.textContent = order.length === 1 ? "Sequence" : `${order.length.toLocaleString("en")} sequences`;
+    title.textContent =
+      order.length === 1 ? "Sequence" : `${order.length.toLocaleString("en")} sequences`;
     sorting.hidden = order.length < 2;
     follow();
     draw();
@@ -160,5 +195,7 @@ export function sequenceList(session) {
  * @param {number} error
  */
 function share(error) {
-  return 100 * Math.min(1, Math.max(0, Math.log(error / SCALE.from) / Math.log(SCALE.to / SCALE.from)));
+  return (
+    100 * Math.min(1, Math.max(0, Math.log(error / SCALE.from) / Math.log(SCALE.to / SCALE.from)))
+  );
 }

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-/// What the `cfg` beside the weights tells that their names and shapes do not.
+/// What the `cfg` saved with the weights says that their names and shapes do not.
 #[derive(Debug, Default)]
 pub(super) struct Said {
     /// Width and height of the reconstruction.

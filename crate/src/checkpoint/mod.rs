@@ -7,6 +7,8 @@
 //! and from the authors' `cfg` where it says more.
 
 mod authors;
+#[cfg(feature = "engine")]
+mod batch_norm;
 mod config;
 mod formats;
 mod grid;
@@ -15,11 +17,15 @@ mod layers;
 #[cfg(feature = "cli")]
 mod onnx;
 mod summary;
+mod tensor;
 mod tensors;
 
+#[cfg(feature = "engine")]
+pub(crate) use batch_norm::BATCH_NORM_EPSILON;
 pub use config::{Architecture, Family, SaeConfig};
 pub use formats::{Format, read_tensors};
 pub use grid::LatentGrid;
 pub use layers::{BACKGROUND, ConvLayer, DENSE, SIGMA, TEMPERATURE};
 pub use summary::{Parameters, Summary, Training};
-pub use tensors::{Checkpoint, Tensor};
+pub use tensor::Tensor;
+pub use tensors::Checkpoint;

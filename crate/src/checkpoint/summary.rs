@@ -1,4 +1,4 @@
-//! What a checkpoint is, in few words.
+//! A summary of a checkpoint.
 
 use std::collections::BTreeMap;
 
@@ -7,58 +7,58 @@ use serde_json::Value;
 
 use super::{Checkpoint, SaeConfig};
 
-/// What a checkpoint is; the JSON of `tracklens inspect`.
+/// A summary of a checkpoint; the JSON of `tracklens inspect`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary {
     /// `tracklens/checkpoint/1`.
     pub schema: &'static str,
     /// The name of the architecture, as [`SaeConfig::name`].
     pub name: String,
-    /// Every size.
+    /// The architecture and all sizes.
     pub config: SaeConfig,
-    /// Trained numbers.
+    /// Counts of trainable parameters.
     pub parameters: Parameters,
-    /// Numbers that are tracked but not trained: the means and variances of batch norms.
+    /// Count of values that are tracked but not trained: means and variances of batch norms.
     pub buffers: usize,
-    /// The epoch after which it was saved, as the file counts.
+    /// The epoch after which it was saved, as counted in the file.
     pub epoch: Option<u64>,
-    /// How it was trained, as far as the file tells.
+    /// How it was trained, as far as the file says.
     pub training: Training,
-    /// Tensors that the architecture does not have.
+    /// Tensors that are not part of the architecture.
     pub other_tensors: Vec<String>,
-    /// Everything the file says about itself.
+    /// The metadata of the file.
     pub metadata: BTreeMap<String, String>,
 }
 
-/// Numbers of trained numbers.
+/// Counts of trainable parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Parameters {
-    /// Those of the encoder.
+    /// Parameters of the encoder.
     pub encoder: usize,
-    /// Those of the decoder; 0 when the file holds the encoder alone.
+    /// Parameters of the decoder; 0 when the file holds only an encoder.
     pub decoder: usize,
 }
 
-/// How a checkpoint was trained; `None` is what the file does not tell.
+/// How a checkpoint was trained; `None` where the file does not say.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Training {
-    /// Epochs that were planned.
+    /// Planned epochs.
     pub epochs: Option<u64>,
-    /// Snippets a step.
+    /// Snippets per step.
     pub batch: Option<u64>,
     /// Adam's learning rate.
     pub learning_rate: Option<f64>,
-    /// The weight of the velocity loss.
+    /// The weight of the velocity loss in training, which need not be that of the architecture.
     pub velocity_weight: Option<f64>,
     /// Standard deviation of the noise on the encoder's input.
     pub noise: Option<f64>,
-    /// The seed: of everything for a training of `tracklens`, of the split for one of the authors'
+    /// The seed: of everything in a training by `tracklens`, of the split in one by the authors'
     /// code.
     pub seed: Option<u64>,
 }
 
 impl Checkpoint {
-    /// What the checkpoint is.
+    /// A summary of the checkpoint.
     pub fn summary(&self) -> Summary {
         let shapes = self.config.tensor_shapes();
         let is_buffer = |name: &str| name.contains(".running_");
@@ -90,7 +90,7 @@ impl Checkpoint {
             buffers: count(&is_buffer),
             epoch: epoch.and_then(|epoch| epoch.parse().ok()),
             training: match (json("tracklens.training"), json("cfg")) {
-                (Some(training), _) => Training::ours(&training, &self.config),
+                (Some(training), _) => Training::ours(&training),
                 (None, Some(cfg)) => Training::authors(&cfg),
                 (None, None) => Training::default(),
             },
@@ -104,12 +104,12 @@ impl Checkpoint {
 }
 
 impl Training {
-    fn ours(training: &Value, config: &SaeConfig) -> Self {
+    fn ours(training: &Value) -> Self {
         Self {
             epochs: training["epochs"].as_u64(),
             batch: training["batch"].as_u64(),
             learning_rate: training["learning_rate"].as_f64(),
-            velocity_weight: Some(config.architecture.velocity_weight()),
+            velocity_weight: training["velocity_weight"].as_f64(),
             noise: training["noise"].as_f64(),
             seed: training["seed"].as_u64(),
         }

@@ -1,10 +1,10 @@
-//! Tensors by name, and the checkpoint that they make.
+//! Tensors by name with their configuration: a checkpoint.
 
 use std::collections::BTreeMap;
 
-use super::SaeConfig;
 use super::authors::Said;
 use super::formats::{self, Contents, Format};
+use super::{SaeConfig, Tensor};
 use crate::error::{Error, Result};
 use crate::memory;
 
@@ -12,21 +12,6 @@ use crate::memory;
 pub(super) const CONFIG_KEY: &str = "tracklens.config";
 /// The metadata that holds the authors' configuration, under the name it has in their files.
 const AUTHORS_KEY: &str = "cfg";
-
-/// A dense f32 tensor in row-major order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Tensor {
-    /// The extent of every axis.
-    pub shape: Vec<usize>,
-    /// The values, row-major.
-    pub data: Vec<f32>,
-}
-
-impl Tensor {
-    pub(super) fn to_le_bytes(&self) -> Vec<u8> {
-        self.data.iter().flat_map(|v| v.to_le_bytes()).collect()
-    }
-}
 
 /// The weights of an SAE under the authors' tensor names, its configuration and free-form metadata.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,10 +25,10 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Reads a checkpoint of any [`Format`], which its first bytes tell.
+    /// Reads a checkpoint of any [`Format`], recognised by its first bytes.
     ///
     /// # Errors
-    /// When the bytes are no complete file of a known format, when a tensor is missing, has another
+    /// When the bytes are not a complete file of a known format, when a tensor is missing, has another
     /// shape or a value that is not finite, or when the file holds another architecture.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         // The tensors are at least as large as what they are read from, but for doubles.

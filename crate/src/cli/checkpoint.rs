@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::files;
 use crate::atomic;
 use crate::checkpoint::{Checkpoint, Format, Summary};
-use crate::engine::{Encoder, PlannedLayer};
+use crate::engine::{CpuEncoder, PlannedLayer};
 use crate::error::{Error, Result};
 
 #[derive(Debug, Args)]
@@ -18,7 +18,7 @@ pub(super) struct ConvertArguments {
     /// The checkpoint to read: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(value_name = "IN")]
     from: PathBuf,
-    /// The file to write, another one than IN; its ending says the format
+    /// The file to write; its extension gives the format
     #[arg(value_name = "OUT")]
     to: PathBuf,
 }
@@ -28,7 +28,7 @@ pub(super) struct InspectArguments {
     /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Also say how the CPU engine computes frames of this size, layer by layer
+    /// Also show how the CPU engine computes frames of this size, layer by layer
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_size)]
     plan: Option<[u32; 2]>,
     /// Print JSON (the default when the output is not a terminal)
@@ -54,20 +54,20 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
         .to_string_lossy();
     let format = Format::from_extension(&extension).ok_or_else(|| {
         Error::input(format!(
-            "the ending `.{extension}` names no format to convert to; expected .safetensors, .pth or .bpk"
+            "unknown checkpoint format `.{extension}`; expected .safetensors, .pth or .bpk"
         ))
         .at(arguments.to.display())
     })?;
     atomic::check(&arguments.to)?;
     if files::is_same(&arguments.from, &arguments.to) {
         return Err(
-            Error::input("is the checkpoint that is read; expected another file to write")
+            Error::input("the output is the input file; give another path")
                 .at(arguments.to.display()),
         );
     }
     let checkpoint = files::read_checkpoint(&arguments.from)?;
     atomic::write(&arguments.to, &checkpoint.to_bytes(format)?)?;
-    told(&checkpoint, &arguments.to);
+    report_written(&checkpoint, &arguments.to);
     Ok(())
 }
 
@@ -78,11 +78,11 @@ pub(super) fn export(arguments: &ExportArguments) -> Result<()> {
         .to_onnx()
         .map_err(|e| e.at(arguments.checkpoint.display()))?;
     atomic::write(&arguments.onnx, &model)?;
-    told(&checkpoint, &arguments.onnx);
+    report_written(&checkpoint, &arguments.onnx);
     Ok(())
 }
 
-fn told(checkpoint: &Checkpoint, path: &Path) {
+fn report_written(checkpoint: &Checkpoint, path: &Path) {
     eprintln!("{} written to {}", checkpoint.config.name(), path.display());
 }
 
@@ -102,7 +102,7 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     let unknown = || Error::input("not a checkpoint");
     let place = |e: Error| e.at(arguments.file.display());
     let checkpoint = Checkpoint::from_bytes(&bytes).map_err(place)?;
-    let plan = |size: [u32; 2]| Encoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
+    let plan = |size: [u32; 2]| CpuEncoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
     let inspection = Inspection {
         format: Format::of(&bytes).ok_or_else(unknown)?,
         bytes: bytes.len(),
@@ -172,7 +172,7 @@ fn print_table(
         "input",
         config
             .input_size
-            .map_or_else(|| "as the frames are".to_owned(), size),
+            .map_or_else(|| "the size of the frames".to_owned(), size),
     );
     row("target", size(config.target_size));
     row(
@@ -197,7 +197,7 @@ fn print_table(
     row(
         "parameters",
         format!(
-            "{} (encoder {}, decoder {}) and {} of batch norms",
+            "{} (encoder {}, decoder {}), and {} statistics of batch norms",
             parameters.encoder + parameters.decoder,
             parameters.encoder,
             parameters.decoder,

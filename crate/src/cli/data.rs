@@ -3,18 +3,17 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufWriter, IsTerminal as _};
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::TruthArguments;
-use crate::data::{BLOCK, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
+use crate::atomic;
+use crate::data::{self, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::JoinReport;
 use crate::event::{Cancel, Event};
@@ -91,23 +90,17 @@ fn for_blocks<T: Send>(
             total: frames as u64,
         },
     );
-    for start in (0..frames).step_by(BLOCK) {
-        let block: Range<usize> = start..(start + BLOCK).min(frames);
-        let end = block.end;
-        let done: Vec<Result<T>> = block
-            .into_par_iter()
-            .map(|i| cancel.check().and_then(|()| one(i)))
-            .collect();
-        cancel.check()?;
-        block_done(done)?;
-        show(
-            &bar,
-            &Event::Progress {
-                done: end as u64,
-                note: String::new(),
-            },
-        );
-    }
+    let mut finished = 0;
+    data::for_blocks(0..frames, cancel, one, |block| {
+        finished += block.len() as u64;
+        block_done(block)?;
+        let event = Event::Progress {
+            done: finished,
+            note: String::new(),
+        };
+        show(&bar, &event);
+        Ok(())
+    })?;
     show(&bar, &Event::Done);
     Ok(())
 }
@@ -196,6 +189,10 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
             Ok(())
         },
     )?;
+    if let Err(error) = frames.verify() {
+        found.unreadable.push(error.to_string());
+    }
+    let nothing_read = found.sizes.is_empty();
     if arguments.json || !std::io::stdout().is_terminal() {
         let json = serde_json::to_string_pretty(&found)
             .map_err(|e| Error::input(format!("the inspection cannot be written as JSON: {e}")))?;
@@ -203,7 +200,10 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     } else {
         print_inspection(&found)?;
     }
-    Ok(())
+    match nothing_read {
+        true => Err(Error::input("no frame can be read").at(arguments.path.display())),
+        false => Ok(()),
+    }
 }
 
 fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspection> {
@@ -416,11 +416,18 @@ impl Job<'_> {
             );
         }
         let keys = self.frames.index().keys();
-        let folder = tempfile::Builder::new()
-            .prefix(".tracklens-")
-            .tempdir_in(self.parent)
-            .map_err(|e| self.failed(&e))?;
+        let (folder, _lock) = atomic::temporary_folder(self.parent).map_err(|e| self.failed(&e))?;
         for sequence in self.frames.index().sequences() {
+            // Joined to the folder, another path would lead out of it.
+            let is_below = Path::new(&sequence.name)
+                .components()
+                .all(|part| matches!(part, Component::Normal(_)));
+            if !is_below {
+                return Err(Error::input(format!(
+                    "the sequence `{}` is not the name of a folder; rename it",
+                    sequence.name
+                )));
+            }
             fs::create_dir_all(folder.path().join(&sequence.name)).map_err(|e| self.failed(&e))?;
         }
         let digits = keys
@@ -489,7 +496,7 @@ impl Job<'_> {
         let first = self.frames.read(0)?;
         let size = [first.width(), first.height()];
         let floats = self.frames.has_floats();
-        let file = tempfile::NamedTempFile::new_in(self.parent).map_err(|e| self.failed(&e))?;
+        let file = atomic::temporary_file(self.parent).map_err(|e| self.failed(&e))?;
         let mut npz = NpzWriter::new(BufWriter::new(file));
         let shape = [
             sequences.len(),

@@ -2,34 +2,30 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use ndarray::Array3;
-use rayon::prelude::*;
 
 #[cfg(feature = "gpu")]
 use super::device::open_and_tell;
 use super::files::{self, TruthArguments};
-#[cfg(feature = "gpu")]
-use super::gpu;
 use super::score::ScoringArguments;
+use super::signals;
 use crate::atomic;
-use crate::data::{BLOCK, FrameSource, keypoints_csv};
+use crate::data::{FrameSource, keypoints_csv};
 use crate::device::DeviceKind;
 #[cfg(not(feature = "gpu"))]
 use crate::device::built_without_gpu;
-use crate::engine::Encoder;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::event::{Cancel, Event};
 #[cfg(feature = "gpu")]
 use crate::extract::DeviceExtractor;
-use crate::extract::{CpuExtractor, Extraction, Extractor as _};
+use crate::extract::{CpuExtractor, Extraction, Extractor, extract_frames};
 use crate::track::KeypointTrack;
 
-/// The path that stands for it.
+/// The path that stands for the standard output.
 const STANDARD_OUTPUT: &str = "-";
 
 #[derive(Debug, Args)]
@@ -58,7 +54,7 @@ pub(super) struct EvalArguments {
     scoring: ScoringArguments,
 }
 
-/// The path of a file, where the standard output has something else already.
+/// The path of a file, for when the standard output is taken.
 fn parse_file(text: &str) -> Result<PathBuf> {
     if text == STANDARD_OUTPUT {
         return Err(Error::input(
@@ -80,13 +76,13 @@ struct SourceArguments {
     frames: PathBuf,
     #[command(flatten)]
     reading: TruthArguments,
-    /// What computes; gpu needs a build with the feature `gpu`
+    /// The device to compute on; gpu needs a build with the feature `gpu`
     #[arg(long, value_enum, default_value_t = DeviceKind::Cpu)]
     device: DeviceKind,
     /// Threads; default: all cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
-    /// Leave frames out that cannot be read, and count them, instead of stopping at the first
+    /// Leave out and count frames that cannot be read, instead of stopping at the first
     #[arg(long)]
     skip_unreadable: bool,
     /// No progress bar
@@ -119,7 +115,7 @@ pub(super) fn run(arguments: &ExtractArguments) -> Result<()> {
 }
 
 pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
-    // Before the long work: a table that cannot be read should not cost minutes.
+    // Before the long work, so that a table that cannot be read does not cost minutes.
     arguments.scoring.check()?;
     let source = &arguments.source;
     let frames = source.reading.open(&source.frames)?;
@@ -160,21 +156,20 @@ impl SourceArguments {
             .num_threads(threads)
             .build()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
-        let report = |event: Event| show(&bar, &event);
-        let found = match self.device {
-            DeviceKind::Cpu => {
-                let encoder = Encoder::new(&checkpoint).map_err(place)?;
-                pool.install(|| extract_all(&encoder, frames, &report, &cancel))?
-            }
+        let extractor: Box<dyn Extractor + Sync> = match self.device {
+            DeviceKind::Cpu => Box::new(CpuExtractor::new(&checkpoint).map_err(place)?),
             #[cfg(feature = "gpu")]
             DeviceKind::Gpu => {
                 let device = open_and_tell(self.device)?.device;
-                let extractor = DeviceExtractor::new(&checkpoint, &device).map_err(place)?;
-                pool.install(|| gpu::extract_all(&extractor, frames, &report, &cancel))?
+                Box::new(DeviceExtractor::new(&checkpoint, &device).map_err(place)?)
             }
             #[cfg(not(feature = "gpu"))]
             DeviceKind::Gpu => return Err(built_without_gpu()),
         };
+        let all = 0..frames.index().keys().len();
+        let observer = |event: Event| show(&bar, &event);
+        let found =
+            pool.install(|| extract_frames(&*extractor, frames, all, &observer, &cancel))?;
 
         let unreadable: Vec<&Error> = found.iter().filter_map(|f| f.as_ref().err()).collect();
         if let Some(first) = unreadable.first() {
@@ -204,9 +199,7 @@ impl SourceArguments {
         let size = good.first().map(|g| g.image_size);
         let same = good.iter().all(|g| Some(g.image_size) == size);
         if !same && checkpoint.config.input_size.is_none() {
-            eprintln!(
-                "note: the frames are of different sizes and the checkpoint names no input size"
-            );
+            eprintln!("note: the frames have different sizes and the checkpoint has no input size");
         }
         Ok(Extracted {
             track: KeypointTrack::new(keys, points)?,
@@ -215,58 +208,11 @@ impl SourceArguments {
     }
 }
 
-/// Extracts every frame, dealt to the threads of the current pool; the results are in order.
-fn extract_all(
-    encoder: &Encoder,
-    frames: &dyn FrameSource,
-    report: &(dyn Fn(Event) + Sync),
-    cancel: &Cancel,
-) -> Result<Vec<Result<Extraction>>> {
-    report(Event::Started {
-        what: "extracting keypoints".to_owned(),
-        total: frames.index().keys().len() as u64,
-    });
-    let done = std::sync::atomic::AtomicU64::new(0);
-    // As many as there are threads, each with memory that the next frame finds again.
-    let idle: Mutex<Vec<CpuExtractor<&Encoder>>> = Mutex::default();
-    let stack = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-    let one = |i: usize| {
-        cancel.check()?;
-        let place = |e: Error| e.at(&frames.index().keys()[i]);
-        let frame = frames.read(i);
-        let taken = stack().pop();
-        let mut extractor = taken.unwrap_or_else(|| CpuExtractor::new(encoder));
-        let found = frame.and_then(|frame| extractor.extract_frame(&frame).map_err(place));
-        stack().push(extractor);
-        let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        report(Event::Progress {
-            done,
-            note: String::new(),
-        });
-        found
-    };
-    let count = frames.index().keys().len();
-    let mut found: Vec<Result<Extraction>> = Vec::with_capacity(count);
-    for start in (0..count).step_by(BLOCK) {
-        let block = (start..(start + BLOCK).min(count)).into_par_iter();
-        found.par_extend(block.map(one));
-    }
-    report(Event::Done);
-    match found
-        .iter()
-        .find(|f| matches!(f, Err(e) if e.kind() == ErrorKind::Cancelled))
-    {
-        Some(_) => Err(Error::cancelled()),
-        None => Ok(found),
-    }
-}
-
 /// A [`Cancel`] that Ctrl-C sets.
 pub(super) fn cancel_on_interrupt() -> Result<Cancel> {
     let cancel = Cancel::default();
     let switch = cancel.clone();
-    ctrlc::set_handler(move || switch.cancel())
-        .map_err(|e| Error::new(ErrorKind::Io, format!("Ctrl-C cannot be handled: {e}")))?;
+    signals::on_end(move || switch.cancel())?;
     Ok(cancel)
 }
 
@@ -287,7 +233,7 @@ pub(super) fn show(bar: &ProgressBar, event: &Event) {
             let style =
                 ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
             let speed = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-                // Nothing can be done when the terminal's line takes no text.
+                // Nothing can be done when the terminal takes no text.
                 let _ = write!(out, "{:.1}/s", state.per_sec());
             };
             bar.set_style(style.with_key("speed", speed));

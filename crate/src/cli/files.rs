@@ -1,5 +1,6 @@
 //! Files and folders: everything that knows paths.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
@@ -15,12 +16,18 @@ use crate::data::{
     TableOptions, ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
     parse_npz_keypoints, read_hdf5_ground_truth,
 };
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, without_controls};
 use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
+
+/// Files and folders left out that are named one by one.
+const SHOWN: usize = 10;
+
+/// The most bytes that are read of what is not a regular file, whose size is not known before.
+const MAX_STREAM: u64 = 1 << 30;
 
 /// Whether both are the same file; a file that is not there yet is none.
 pub(super) fn is_same(a: &Path, b: &Path) -> bool {
@@ -149,11 +156,17 @@ impl TruthArguments {
             let ignored = folder.ignored();
             if let Some(first) = ignored.first() {
                 let more = if ignored.len() > 1 { ", …" } else { "" };
-                eprintln!(
-                    "note: {} file(s) that are no images are left out: {}{more}",
+                note(&format!(
+                    "left out {} file(s) that are not images: {}{more}",
                     ignored.len(),
                     first.display()
-                );
+                ));
+            }
+            for (path, why) in folder.skipped.iter().take(SHOWN) {
+                note(&format!("left out {}: {why}", path.display()));
+            }
+            if let Some(more) = folder.skipped.len().checked_sub(SHOWN).filter(|n| *n > 0) {
+                note(&format!("left out {more} more"));
             }
             return Ok(Arc::new(folder));
         }
@@ -195,6 +208,10 @@ impl FrameSource for Placed {
         self.recording.notices()
     }
 
+    fn verify(&self) -> Result<()> {
+        self.recording.verify().map_err(|e| e.at(&self.place))
+    }
+
     fn has_floats(&self) -> bool {
         self.recording.has_floats()
     }
@@ -226,6 +243,8 @@ impl Format {
 struct Folder {
     index: FrameIndex,
     paths: Vec<PathBuf>,
+    /// What could not be searched or read, and why.
+    skipped: Vec<(PathBuf, String)>,
 }
 
 impl FrameSource for Folder {
@@ -242,17 +261,23 @@ impl FrameSource for Folder {
 impl Folder {
     /// Finds the frames below `folder`: one folder a sequence, or the images of the folder itself.
     fn open(folder: &Path) -> Result<Self> {
-        let mut paths = Vec::new();
-        walk(folder, DEPTH, &mut paths)?;
+        let mut walk = Walk::default();
+        walk.visit(folder, DEPTH)
+            .map_err(|e| Error::io(folder.display(), &e))?;
+        let Walk {
+            files: paths,
+            skipped,
+            ..
+        } = walk;
         // With the folder's own name: images that lie in it directly are the sequence of that name.
         let own = folder
             .canonicalize()
             .map_err(|e| Error::io(folder.display(), &e))?;
-        let own = own
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        // The root of a file system has no name.
+        let own = own.file_name().map_or_else(
+            || "root".to_owned(),
+            |name| name.to_string_lossy().into_owned(),
+        );
         let relative = |path: &PathBuf| {
             let below = path.strip_prefix(folder).unwrap_or(path);
             let parts = below.iter().map(|part| part.to_string_lossy().into_owned());
@@ -263,7 +288,11 @@ impl Folder {
         };
         let names: Vec<String> = paths.iter().map(relative).collect();
         let index = FrameIndex::new(&names).map_err(|e| e.at(folder.display()))?;
-        Ok(Self { index, paths })
+        Ok(Self {
+            index,
+            paths,
+            skipped,
+        })
     }
 
     /// The files that are neither images nor the ground truth.
@@ -279,30 +308,83 @@ impl Folder {
     }
 }
 
-fn walk(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<()> {
-    let failed = |e: std::io::Error| Error::io(folder.display(), &e);
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let path = entry.path();
-        // Follows links, so that a data set may be linked together.
-        let is_folder = std::fs::metadata(&path)
-            .map_err(|e| Error::io(path.display(), &e))?
-            .is_dir();
-        if !is_folder {
-            out.push(path);
-        } else if depth > 0 {
-            walk(&path, depth - 1, out)?;
+/// What lies in a folder and below it.
+#[derive(Default)]
+struct Walk {
+    files: Vec<PathBuf>,
+    /// What is left out, and why.
+    skipped: Vec<(PathBuf, String)>,
+    /// Folders that were visited, by the place that links lead to.
+    visited: HashSet<PathBuf>,
+}
+
+impl Walk {
+    /// Visits `folder` and the folders below it, each once. Follows links, so that a data set may be
+    /// linked together, after everything else in a folder, so that a folder keeps its own name.
+    fn visit(&mut self, folder: &Path, depth: usize) -> std::io::Result<()> {
+        self.visited.insert(folder.canonicalize()?);
+        let mut paths = std::fs::read_dir(folder)?
+            .map(|entry| Ok(entry?.path()))
+            .collect::<std::io::Result<Vec<PathBuf>>>()?;
+        paths.sort_by_cached_key(|path| (path.is_symlink(), path.clone()));
+        for path in paths {
+            if let Err(why) = self.take(&path, depth) {
+                self.skipped.push((path, why));
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, path: &Path, depth: usize) -> Result<(), String> {
+        let failed = |e: std::io::Error| match path.is_symlink() && !path.exists() {
+            true => "a link to nothing".to_owned(),
+            false => e.to_string(),
+        };
+        let found = std::fs::metadata(path).map_err(failed)?;
+        if found.is_file() {
+            self.files.push(path.to_owned());
+            return Ok(());
+        }
+        if !found.is_dir() {
+            return Err("not a regular file".to_owned());
+        }
+        if self.visited.contains(&path.canonicalize().map_err(failed)?) {
+            return Err("a folder that is in the data set already".to_owned());
+        }
+        match depth {
+            0 => Err(format!("more than {DEPTH} folders deep")),
+            _ => self.visit(path, depth - 1).map_err(failed),
         }
     }
-    Ok(())
 }
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |e: std::io::Error| Error::io(path.display(), &e);
-    let bytes = std::fs::metadata(path).map_err(failed)?.len();
-    memory::check(bytes, "file", "close other programs, or use a smaller file")
+    let found = std::fs::metadata(path).map_err(failed)?;
+    if found.is_file() {
+        memory::check(
+            found.len(),
+            "file",
+            "close other programs, or use a smaller file",
+        )
         .map_err(|e| e.at(path.display()))?;
-    std::fs::read(path).map_err(failed)
+        return std::fs::read(path).map_err(failed);
+    }
+    // A pipe, such as a shell makes of another program's output; a device may have no end.
+    let mut bytes = Vec::new();
+    let stream = File::open(path).map_err(failed)?;
+    stream
+        .take(MAX_STREAM + 1)
+        .read_to_end(&mut bytes)
+        .map_err(failed)?;
+    match bytes.len() as u64 > MAX_STREAM {
+        true => Err(Error::input(format!(
+            "not a regular file, and more than {} MiB came from it; expected a file",
+            MAX_STREAM >> 20
+        ))
+        .at(path.display())),
+        false => Ok(bytes),
+    }
 }
 
 fn open(path: &Path) -> Result<File> {
@@ -350,6 +432,11 @@ fn tell(path: &Path, notices: &[Notice]) {
     for notice in notices {
         let hint = notice.reason.as_ref().and_then(hint);
         let hint = hint.map(|hint| format!("; {hint}")).unwrap_or_default();
-        eprintln!("note: {}: {notice}{hint}", path.display());
+        note(&format!("{}: {notice}{hint}", path.display()));
     }
+}
+
+/// Writes a note to standard error; names in it must not give orders to the terminal.
+fn note(text: &str) {
+    eprintln!("note: {}", without_controls(text));
 }

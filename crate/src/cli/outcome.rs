@@ -13,12 +13,15 @@ const WORST: usize = 3;
 /// Prints a table of the objects, a line for everything else that was asked for, and the warnings.
 pub(super) fn print(report: &EvaluationReport) -> Result<()> {
     let tracked = report.objects.iter().filter(|o| o.tracked).count();
-    say!(
-        "TC {:.3}: {tracked} of {} objects tracked over {} frames",
-        report.tc,
+    let objects_tracked = format!(
+        "{tracked} of {} objects tracked over {} frames",
         report.objects.len(),
         report.frames
     );
+    match report.tc {
+        Some(tc) => say!("TC {tc:.3}: {objects_tracked}"),
+        None => say!("TC unknown, not enough data: {objects_tracked}"),
+    }
     say!("{}", drawn(&objects(report)));
     if let Some(intervals) = &report.intervals {
         print_intervals(intervals)?;

@@ -58,10 +58,15 @@ pub(super) struct ScoringArguments {
     /// unit)
     #[arg(long = command_line::RANK, default_value = "reference")]
     rank: Rank,
-    /// Frames in which a keypoint is not finite: error, or exclude-frame (left out and counted)
-    #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "error")]
+    /// Frames in which a keypoint is missing: exclude-point (left out for that keypoint and counted),
+    /// exclude-frame (left out for all) or error
+    #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "exclude-point")]
     non_finite: NonFinite,
-    /// Also fit and score on different sequences, in this many folds
+    /// Let a keypoint that is missing in more than half of an object's frames be its best one
+    #[arg(long)]
+    rare_keypoints: bool,
+    /// Folds of the sequences for held-out errors, whose maps are fitted on other sequences; 0: none.
+    /// Default: 5, or one a sequence
     #[arg(long = command_line::FOLDS, value_name = "N")]
     folds: Option<usize>,
     /// Also give 95 % intervals, by drawing the sequences this many times with replacement
@@ -77,6 +82,9 @@ pub(super) struct ScoringArguments {
     /// precision and recall of a min-cost assignment (Kulkarni et al.)
     #[arg(long = command_line::CONTEXT)]
     context: bool,
+    /// Exit with 5 when the TC is unknown because there is not enough data
+    #[arg(long)]
+    strict: bool,
     /// Also write everything as one HTML file
     #[arg(long, value_name = "FILE.html", value_parser = parse_html_path)]
     report: Option<PathBuf>,
@@ -137,6 +145,7 @@ impl ScoringArguments {
             settings: Settings {
                 transform: self.transform,
                 rank: self.rank,
+                rare_keypoints: self.rare_keypoints,
             },
             thresholds: self.thresholds.parse()?,
             image_size,
@@ -182,6 +191,11 @@ impl ScoringArguments {
             say!("{json}");
         } else {
             outcome::print(&report)?;
+        }
+        if self.strict && report.tc.is_none() {
+            return Err(Error::numeric(
+                "the TC is unknown because there is not enough data; the warnings say what is (--strict)",
+            ));
         }
         Ok(())
     }

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::files;
 use crate::data::{Filter, Frame, FrameSource, SequenceRange, join};
-use crate::engine::Encoder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::ObjectReport;
-use crate::extract::{CpuExtractor, Extractor as _};
+use crate::event::Cancel;
+use crate::extract::{CpuExtractor, Extractor as _, extract_frames};
 use crate::metric::Object;
 use crate::report::draw::{Figure, FileNames};
 use crate::report::runs::{Group, Run, Runs, Scene, Trajectory, trajectories};
@@ -161,9 +161,8 @@ impl<'a> Drawing<'a> {
     /// The frames and paths of `sequences`.
     fn scenes(&self, sequences: &[SequenceRange]) -> Result<Vec<Scene>> {
         let path = Path::new(&self.run.name).join(CHECKPOINT_FINAL);
-        let encoder =
-            Encoder::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
-        let mut extractor = CpuExtractor::new(encoder);
+        let extractor =
+            CpuExtractor::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
         let truth = |t: usize, k: usize| {
             self.rows[t].map_or([f64::NAN; 2], |row| {
                 let point = self.truth.frame(row);
@@ -172,7 +171,7 @@ impl<'a> Drawing<'a> {
         };
         let mut scenes = Vec::new();
         for range in sequences {
-            let mut scene = scene(range, self.frames, &mut extractor, &self.fits, truth)?;
+            let mut scene = scene(range, self.frames, &extractor, &self.fits, truth)?;
             if self.config.training_sequences.contains(&range.name) {
                 scene.title += " (trained on)";
             }
@@ -254,7 +253,7 @@ fn motion(
 fn scene(
     range: &SequenceRange,
     frames: &dyn FrameSource,
-    extractor: &mut CpuExtractor<Encoder>,
+    extractor: &CpuExtractor,
     fits: &[&ObjectReport],
     truth: impl Fn(usize, usize) -> [f64; 2],
 ) -> Result<Scene> {
@@ -264,12 +263,10 @@ fn scene(
         transformed: Vec::new(),
     };
     let mut paths: Vec<Trajectory> = fits.iter().map(|_| empty()).collect();
-    let mut shown = None;
-    for t in range.start..range.start + range.length {
-        let frame = frames.read(t)?;
-        let found = extractor
-            .extract_frame(&frame)
-            .map_err(|e| e.at(&frames.index().keys()[t]))?;
+    let all = range.start..range.start + range.length;
+    let found = extract_frames(extractor, frames, all.clone(), &|_| (), &Cancel::default())?;
+    for (t, found) in all.zip(found) {
+        let found = found?;
         let grid = extractor.grid(found.image_size);
         for (k, (fit, path)) in fits.iter().zip(&mut paths).enumerate() {
             let (Some(n), Some(map)) = (fit.best_keypoint, fit.map) else {
@@ -285,11 +282,8 @@ fn scene(
             path.keypoint.push(grid.to_image([x, y]));
             path.transformed.push(map.apply([x, y]));
         }
-        shown.get_or_insert(frame);
     }
-    let frame =
-        shown.ok_or_else(|| Error::input(format!("sequence {} has no frame", range.name)))?;
-    let small = shrunk(frame)?;
+    let small = shrunk(frames.read(range.start)?)?;
     Ok(Scene {
         title: range.name.clone(),
         png: small.to_png()?,

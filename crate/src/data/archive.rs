@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::io;
 
 use rawzip::{CompressionMethod, ErrorKind, ReaderAt, ZipArchive};
+use serde::Serialize;
 
 use crate::error::{Error, Result};
 
@@ -30,7 +31,8 @@ const MAX_DIRECTORY: u64 = 64 << 20;
 pub const TAIL: u64 = 256 << 10;
 
 /// A file in an archive.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "camelCase")]
 pub struct ArchiveEntry {
     /// Its path in the archive, `/` between the parts.
     pub path: String,
@@ -80,7 +82,8 @@ impl ReaderAt for &Tail<'_> {
 
 impl ArchiveIndex {
     /// Reads the directory of an archive of `size` bytes from the last ones, `tail`. [`TAIL`] bytes
-    /// are enough for most; otherwise the answer is how many more are needed.
+    /// are enough for most, and are what is asked for when there are none; otherwise the answer is
+    /// how many more are needed.
     ///
     /// An entry that cannot be unpacked (encrypted, packed by another method than DEFLATE, or
     /// beyond [`MAX_ENTRY`] or [`MAX_RATIO`]) is listed with its problem.
@@ -89,6 +92,9 @@ impl ArchiveIndex {
     /// When the directory is missing or damaged, has more than [`MAX_ENTRIES`] entries, or entries
     /// share bytes of the archive, which is how small archives unpack to enormous ones.
     pub fn read(tail: &[u8], size: u64) -> Result<Self> {
+        if tail.is_empty() && size > 0 {
+            return Ok(Self::Needs(size.saturating_sub(TAIL)));
+        }
         let tail = Tail {
             bytes: tail,
             start: size.saturating_sub(tail.len() as u64),

@@ -9,6 +9,9 @@ pub(super) const FRAMES: [&str; 2] = ["images", "frames"];
 /// The names of arrays of points.
 pub(super) const POINTS: [&str; 2] = ["keypoints", "sites"];
 
+/// The most frames of a recording: 12 days at 16 frames a second.
+const MAX_FRAMES: usize = 1 << 24;
+
 /// What an array holds, as far as this module reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -45,6 +48,11 @@ pub(super) trait ArrayFile: Send + Sync {
     /// The part of a known array at the `leading` indices, row by row; the whole of it where there
     /// are none.
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values>;
+
+    /// Compares the checksum of an array that is read in parts, where there is one.
+    fn verify(&self, _name: &str) -> Result<()> {
+        Ok(())
+    }
 
     /// Where the part of a known array at the `leading` indices lies in the array's file, header
     /// included, and its size, in bytes; None where it does not lie in one piece.
@@ -84,6 +92,22 @@ pub(super) fn count(n: u64, name: &str, shape: &[u64]) -> Result<usize> {
                 "`{name}` has shape {shape:?}; expected at least one sequence, frame and point"
             ))
         })
+}
+
+/// Checks that an array does not declare more frames than a recording can have: the names of frames
+/// are kept in memory, and an HDF5 file of a kilobyte can declare any number.
+pub(super) fn check_frames(
+    sequences: usize,
+    frames: usize,
+    name: &str,
+    shape: &[u64],
+) -> Result<()> {
+    match sequences.checked_mul(frames) {
+        Some(all) if all <= MAX_FRAMES => Ok(()),
+        _ => Err(Error::input(format!(
+            "`{name}` has shape {shape:?}; expected at most {MAX_FRAMES} frames: split the recording"
+        ))),
+    }
 }
 
 pub(super) fn listed(names: &[String]) -> String {

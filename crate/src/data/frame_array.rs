@@ -1,6 +1,6 @@
 //! Frames in an array.
 
-use super::arrays::{ArrayInfo, Kind, Values, count};
+use super::arrays::{ArrayInfo, Kind, Values, check_frames, count};
 use super::image::{Frame, MAX_SIDE, MIN_SIDE, Pixels};
 use crate::error::{Error, Result};
 
@@ -54,12 +54,17 @@ impl FrameArray {
                 place()
             )));
         };
+        let (sequences, frames) = (
+            count(sequences, name, &info.shape)?,
+            count(frames, name, &info.shape)?,
+        );
+        check_frames(sequences, frames, name, &info.shape)?;
         Ok(Self {
             name: name.to_owned(),
             dtype: info.dtype.clone(),
             kind,
-            sequences: count(sequences, name, &info.shape)?,
-            frames: count(frames, name, &info.shape)?,
+            sequences,
+            frames,
             width,
             height,
             channels_first,

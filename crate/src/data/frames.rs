@@ -2,12 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::names::{is_image, natural, numbers, original, stem};
+use serde::Serialize;
+
+use super::names::{cleaned, is_image, natural, numbers, original, stem};
 use crate::error::{Error, Result};
 use crate::track::FrameKey;
 
 /// A run of consecutive frames of one sequence.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SequenceRange {
     /// The name of the sequence.
     pub name: String,
@@ -78,8 +80,8 @@ impl FrameIndex {
         for (folder, mut files) in folders {
             let sequence = match folder {
                 "" => "images".to_owned(),
-                _ if short => last(folder),
-                _ => folder.to_owned(),
+                _ if short => cleaned(&last(folder)).into_owned(),
+                _ => cleaned(folder).into_owned(),
             };
             files.sort_by(|(_, a), (_, b)| natural(a, b));
             let names: Vec<&str> = files.iter().map(|(_, file)| *file).collect();

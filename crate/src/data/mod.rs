@@ -3,6 +3,8 @@
 
 mod archive;
 mod arrays;
+#[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
+mod blocks;
 mod decode;
 mod frame_array;
 mod frames;
@@ -25,6 +27,8 @@ pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
     TAIL as ARCHIVE_TAIL, ZIP_MAGIC,
 };
+#[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
+pub(crate) use blocks::for_blocks;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
 pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth};
@@ -40,8 +44,6 @@ pub use npz::{
 pub use reading::{AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions};
 pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
-#[cfg(any(feature = "cli", feature = "train"))]
-pub(crate) use source::BLOCK;
 pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, numpy_permutation};
 pub(crate) use table::layout_of;

@@ -1,6 +1,29 @@
 //! What the names of files and folders say: their order, the numbers in them, which are images.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
+
+use crate::error::without_controls;
+
+/// A name as it is kept: composed (NFC), so that `ö` is the same name however the system writes it
+/// (macOS names folders in NFD), and without control characters, which a terminal would obey.
+pub(crate) fn cleaned(name: &str) -> Cow<'_, str> {
+    if name.is_ascii() {
+        return without_controls(name);
+    }
+    Cow::Owned(without_controls(&composed(name)).into_owned())
+}
+
+#[cfg(not(all(feature = "web-part", target_arch = "wasm32")))]
+fn composed(name: &str) -> String {
+    unicode_normalization::UnicodeNormalization::nfc(name).collect()
+}
+
+/// By the browser, which has the tables already.
+#[cfg(all(feature = "web-part", target_arch = "wasm32"))]
+fn composed(name: &str) -> String {
+    js_sys::JsString::from(name).normalize("NFC").into()
+}
 
 const IMAGE_ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, SeekFrom, Write};
 use std::sync::{Mutex, PoisonError};
 
+use zip::read::ZipFile;
 use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
@@ -14,6 +15,7 @@ use super::points;
 use super::reading::{AxisOrder, Table, TableOptions};
 use super::recording::Recording;
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
 
 impl Recording {
@@ -122,13 +124,19 @@ impl NpyArray {
 /// An NPZ file, whose elements lie in `A` where they are not in memory.
 struct Npz<A> {
     archive: A,
+    /// Arrays of frames, of points and of their names.
     arrays: BTreeMap<String, Member>,
+    /// The names of other arrays.
+    unused: Vec<String>,
 }
 
 /// Where elements lie that are not in memory.
 trait Archive: Send + Sync {
     /// `length` bytes of an entry as it is, from `start`.
     fn read(&self, position: usize, start: u64, length: u64) -> Result<Vec<u8>>;
+
+    /// Reads an entry from its beginning to its end and compares its checksum.
+    fn verify(&self, position: usize) -> Result<()>;
 }
 
 impl<R: Read + Seek + Send> Archive for Mutex<ZipArchive<R>> {
@@ -144,6 +152,13 @@ impl<R: Read + Seek + Send> Archive for Mutex<ZipArchive<R>> {
             .map_err(|e| damaged(&e))?;
         Ok(bytes)
     }
+
+    fn verify(&self, position: usize) -> Result<()> {
+        let mut archive = self.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut entry = archive.by_index(position).map_err(|e| broken(&e))?;
+        std::io::copy(&mut entry, &mut std::io::sink()).map_err(|e| damaged(&e))?;
+        Ok(())
+    }
 }
 
 /// Out of reach from here.
@@ -154,6 +169,10 @@ impl Archive for Elsewhere {
         Err(Error::input(
             "the array is not in memory; read it where it lies",
         ))
+    }
+
+    fn verify(&self, _: usize) -> Result<()> {
+        Ok(())
     }
 }
 
@@ -170,36 +189,62 @@ enum Elements {
 }
 
 impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
+    /// Arrays that hold neither frames nor points are not looked into, whatever they unpack to.
     fn open(reader: R) -> Result<Self> {
         let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
         let mut arrays = BTreeMap::new();
+        let mut unused = Vec::new();
         for position in 0..archive.len() {
-            let mut entry = archive.by_index(position).map_err(|e| broken(&e))?;
+            let entry = archive.by_index(position).map_err(|e| broken(&e))?;
             let Some(name) = entry.name().strip_suffix(".npy").map(str::to_owned) else {
                 continue;
             };
-            let header = Header::read(&mut entry).map_err(|e| e.at(format!("`{name}`")))?;
-            let bytes = header.check(&name, entry.size())?;
-            let mut elements = Elements::Archive(position);
-            if entry.compression() != CompressionMethod::Stored {
-                let mut all = Vec::new();
-                entry
-                    .read_to_end(&mut all)
-                    .map_err(|e| damaged(&e).at(format!("`{name}`")))?;
-                if all.len() as u64 != bytes {
-                    return Err(Error::input(format!(
-                        "`{name}` unpacks to {} bytes, not {bytes}",
-                        all.len()
-                    )));
-                }
-                elements = Elements::Memory(all);
+            if !NpyArray::holds_frames(&name) && !NpyArray::is_needed_whole(&name) {
+                unused.push(name);
+                continue;
             }
-            arrays.insert(name, Member { header, elements });
+            let member =
+                Member::read(&name, position, entry).map_err(|e| e.at(format!("`{name}`")))?;
+            arrays.insert(name, member);
         }
         Ok(Self {
             archive: Mutex::new(archive),
             arrays,
+            unused,
         })
+    }
+}
+
+impl Member {
+    /// An array of an archive. Frames that are stored as they are stay there; everything else is
+    /// read here, which checks its checksum.
+    fn read<R: Read + Seek>(name: &str, position: usize, mut entry: ZipFile<R>) -> Result<Self> {
+        let header = Header::read(&mut entry)?;
+        let bytes = header.check(name, entry.size())?;
+        if entry.compression() == CompressionMethod::Stored && !NpyArray::is_needed_whole(name) {
+            let elements = Elements::Archive(position);
+            return Ok(Self { header, elements });
+        }
+        memory::check(
+            bytes,
+            "unpacked array",
+            "save it with np.savez, whose arrays stay in the file",
+        )?;
+        let mut all = Vec::new();
+        // One byte more than there should be: the checksum is compared at the end of the entry.
+        let read = entry.take(bytes.saturating_add(1)).read_to_end(&mut all);
+        read.map_err(|e| damaged(&e))?;
+        if all.len() as u64 != bytes {
+            let found = match all.len() as u64 > bytes {
+                true => "more".to_owned(),
+                false => all.len().to_string(),
+            };
+            return Err(Error::input(format!(
+                "expected {bytes} bytes when unpacked, found {found}; is the file damaged?"
+            )));
+        }
+        let elements = Elements::Memory(all);
+        Ok(Self { header, elements })
     }
 }
 
@@ -218,6 +263,7 @@ impl Npz<Elsewhere> {
         Ok(Self {
             archive: Elsewhere,
             arrays,
+            unused: Vec::new(),
         })
     }
 }
@@ -237,7 +283,9 @@ impl<A: Archive> Npz<A> {
 
 impl<A: Archive> ArrayFile for Npz<A> {
     fn names(&self) -> Result<Vec<String>> {
-        Ok(self.arrays.keys().cloned().collect())
+        let mut names: Vec<String> = self.arrays.keys().chain(&self.unused).cloned().collect();
+        names.sort_unstable();
+        Ok(names)
     }
 
     fn info(&self, name: &str) -> Result<Option<ArrayInfo>> {
@@ -251,6 +299,13 @@ impl<A: Archive> ArrayFile for Npz<A> {
         let header = &self.arrays[name].header;
         let (start, length) = header.part(leading);
         header.values(name, &self.bytes(name, start, length)?)
+    }
+
+    fn verify(&self, name: &str) -> Result<()> {
+        match self.arrays.get(name).map(|member| &member.elements) {
+            Some(Elements::Archive(position)) => self.archive.verify(*position),
+            Some(Elements::Memory(_)) | None => Ok(()),
+        }
     }
 
     fn place(&self, name: &str, leading: &[u64]) -> Option<(u64, u64)> {

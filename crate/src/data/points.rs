@@ -2,12 +2,14 @@
 
 use ndarray::Array3;
 
-use super::arrays::{ArrayFile, Kind, POINTS, Values, count, find, listed};
+use super::arrays::{ArrayFile, Kind, POINTS, Values, check_frames, count, find, listed};
+use super::names::cleaned;
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions,
     missing_image_size, ndc_from_pixels, point_notices,
 };
 use crate::error::{Error, Reason, Result};
+use crate::memory;
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
 /// The points of a recording as a ground truth; it need not have frames.
@@ -77,12 +79,22 @@ impl Points {
         };
         let size = |n: u64| count(n, name, &info.shape);
         let (sequences, frames, points) = (size(sequences)?, size(frames)?, size(points)?);
+        check_frames(sequences, frames, name, &info.shape)?;
         if !matches!(info.kind, Some(Kind::F32 | Kind::F64)) {
             return Err(Error::input(format!(
                 "`{name}` is of type {}; expected float32 or float64, in ndc",
                 info.dtype
             )));
         }
+        memory::check(
+            (sequences as u64)
+                .saturating_mul(frames as u64)
+                .saturating_mul(points as u64)
+                .saturating_mul(2 * 8 * 2),
+            "positions",
+            "is the file damaged?",
+        )
+        .map_err(|e| e.at(format!("`{name}`")))?;
         let mut values = match file.read(name, &[])? {
             Values::U8(values) => values.into_iter().map(f64::from).collect(),
             Values::F32(values) => values.into_iter().map(f64::from).collect(),
@@ -123,7 +135,10 @@ impl Points {
             }
         }
         let names = match file.point_names()? {
-            Some(names) if names.len() == points => names,
+            Some(names) if names.len() == points => names
+                .iter()
+                .map(|name| cleaned(name).into_owned())
+                .collect(),
             Some(names) => {
                 return Err(Error::mismatch(format!(
                     "the file names {} points ({}), `{name}` has {points}; expected one name each",

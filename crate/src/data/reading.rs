@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use ndarray::Array3;
 
-use crate::error::{Error, Reason, Result};
+use crate::error::{Error, Reason, Result, without_controls};
 
 /// A parsed table with what a person should know of how it was read.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +39,10 @@ impl Notice {
 
 impl From<String> for Notice {
     fn from(text: String) -> Self {
-        Self { text, reason: None }
+        Self {
+            text: without_controls(&text).into_owned(),
+            reason: None,
+        }
     }
 }
 

@@ -117,6 +117,13 @@ impl FrameSource for Recording {
         &self.notices
     }
 
+    fn verify(&self) -> Result<()> {
+        let name = &self.frames.name;
+        self.file
+            .verify(name)
+            .map_err(|e| e.at(format!("`{name}`")))
+    }
+
     fn has_floats(&self) -> bool {
         self.frames.kind != Kind::U8
     }

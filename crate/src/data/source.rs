@@ -6,10 +6,6 @@ use super::reading::Notice;
 use crate::error::Result;
 use crate::track::GroundTruth;
 
-/// Frames that are best read side by side: neighbours, since a recording unpacks them together.
-#[cfg(any(feature = "cli", feature = "train"))]
-pub(crate) const BLOCK: usize = 256;
-
 /// Frames in order, read one by one: a folder of images, or a recording. What reads frames takes
 /// any of them.
 pub trait FrameSource: Send + Sync {
@@ -30,6 +26,15 @@ pub trait FrameSource: Send + Sync {
     /// What a person should know of how the source was read.
     fn notices(&self) -> &[Notice] {
         &[]
+    }
+
+    /// Compares the checksum of all frames together, where the source has one: reading frame by
+    /// frame does not.
+    ///
+    /// # Errors
+    /// When it differs.
+    fn verify(&self) -> Result<()> {
+        Ok(())
     }
 
     /// Whether some frames are floats, which 8 bits would quantise.

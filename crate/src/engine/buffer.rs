@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 use crate::error::Result;
 use crate::memory;
 
-/// Numbers in a cache line.
+/// Values in a cache line.
 pub(super) const LINE: usize = 16;
 
 const WHAT: &str = "weights or activations";
@@ -23,7 +23,7 @@ pub(super) struct Buffer {
 }
 
 impl Buffer {
-    /// Makes room for `len` numbers; new ones are 0.
+    /// Makes room for `len` values; new ones are 0.
     ///
     /// # Errors
     /// When there is no memory for them.
@@ -46,7 +46,7 @@ impl Deref for Buffer {
     type Target = [f32];
 
     fn deref(&self) -> &[f32] {
-        // SAFETY: a `Line` is LINE numbers without padding.
+        // SAFETY: a `Line` is LINE values without padding.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.lines.len() * LINE) }
     }
 }

@@ -7,7 +7,7 @@ use crate::checkpoint::{BACKGROUND, Checkpoint, ConvLayer, DENSE, Family, SIGMA,
 use crate::error::{Error, Result};
 
 /// A decoder ready to run on the CPU.
-pub struct Decoder {
+pub struct CpuDecoder {
     config: SaeConfig,
     /// One for all keypoints, or one each.
     sigma: Vec<f32>,
@@ -24,7 +24,7 @@ struct Layer {
     shift: Vec<f32>,
 }
 
-impl Decoder {
+impl CpuDecoder {
     /// The decoder of a checkpoint; `None` when it holds only an encoder.
     ///
     /// # Errors
@@ -63,7 +63,7 @@ impl Decoder {
         }))
     }
 
-    /// Width and height of what [`Decoder::reconstruct`] makes.
+    /// Width and height of what [`CpuDecoder::reconstruct`] makes.
     pub fn size(&self) -> [usize; 2] {
         self.config.target_size
     }

@@ -1,10 +1,10 @@
 //! Convolutions as products of shifted rows: of a map that holds a cell's channels together, the
-//! taps of a filter's row are one run of numbers, so that nothing has to be gathered.
+//! taps of a filter's row are one run of values, so that nothing has to be gathered.
 
 use rten_simd::ops::BitOps;
 use rten_simd::{Isa, SimdOp};
 
-use super::gemm::{Panels, WIDE, multiply, tile_rows, with_rows};
+use super::gemm::{Left, Packed, Panels, WIDE, multiply, tile_rows, with_rows};
 use super::map::Map;
 use super::simd::larger;
 
@@ -12,7 +12,7 @@ use super::simd::larger;
 pub(super) struct Direct<'a> {
     /// Filters: rows of a filter x columns x channels, times outputs.
     pub panels: &'a Panels,
-    /// Added to the sums, one number an output.
+    /// Added to the sums, one value for each output.
     pub bias: &'a [f32],
     /// What results below are raised to: 0 for a ReLU.
     pub floor: f32,
@@ -25,7 +25,7 @@ pub(super) struct Direct<'a> {
     pub to: Map,
 }
 
-/// Numbers that are readable behind an input, since whole tiles are read.
+/// Values that are readable behind an input, since whole tiles are read.
 pub(super) fn slack(lanes: usize, stride: usize, channels: usize) -> usize {
     tile_rows(lanes) * stride * channels
 }
@@ -97,9 +97,16 @@ impl Direct<'_> {
             while column < width {
                 let mut sums = [bias; ROWS];
                 for ky in 0..self.kernel {
-                    let left = input.add(ky * pitch + column * step);
-                    let panel = panel.add(ky * run * N * lanes);
-                    multiply::<I, ROWS, N>(isa, &mut sums, left, step, panel, run);
+                    let left = Left {
+                        start: input.add(ky * pitch + column * step),
+                        row: step,
+                        step: 1,
+                    };
+                    let right = Packed {
+                        start: panel.add(ky * run * N * lanes),
+                        width: N * lanes,
+                    };
+                    multiply::<I, _, ROWS, N>(isa, &mut sums, left, right, run);
                 }
                 let output = output.add(column * self.to.channels);
                 let cells = width - column;

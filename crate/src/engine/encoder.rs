@@ -4,22 +4,24 @@ use rten_simd::SimdOp;
 
 use super::buffer::Buffer;
 use super::gemm;
-use super::layer::{Layer, PlannedLayer};
+use super::layer::{Layer, PlannedLayer, Sizes};
 use super::map::Map;
 use super::softargmax::{SoftArgmax, softmax};
-use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig, TEMPERATURE};
+#[cfg(feature = "model")]
+use crate::checkpoint::ConvLayer;
+use crate::checkpoint::{Checkpoint, SaeConfig, TEMPERATURE};
 use crate::data::{Filter, Frame, Pixels};
 use crate::error::{Error, Result};
 use crate::memory;
 
 /// An encoder ready to run on the CPU: images in, keypoints out.
-pub struct Encoder {
+pub struct CpuEncoder {
     config: SaeConfig,
     layers: Vec<Layer>,
     temperature: f32,
 }
 
-/// What one thread needs to run an [`Encoder`]; grows to the largest frame and stays.
+/// What one thread needs to run an [`CpuEncoder`]; grows to the largest frame and stays.
 #[derive(Default)]
 pub struct Workspace {
     /// What goes into a layer.
@@ -38,7 +40,7 @@ pub struct HeatMap {
     pub weights: Vec<f32>,
 }
 
-impl Encoder {
+impl CpuEncoder {
     /// Folds and packs the encoder's weights.
     ///
     /// # Errors
@@ -85,15 +87,15 @@ impl Encoder {
     /// it has one.
     ///
     /// # Errors
-    /// As [`Encoder::run`].
+    /// As [`CpuEncoder::run`].
     pub fn extract(&self, workspace: &mut Workspace, frame: &Frame) -> Result<Vec<[f32; 2]>> {
         self.with_input(frame, |input, size| self.points(workspace, input, size))
     }
 
-    /// The weights behind keypoint `n` of a frame, which is resized as in [`Encoder::extract`].
+    /// The weights behind keypoint `n` of a frame, which is resized as in [`CpuEncoder::extract`].
     ///
     /// # Errors
-    /// When there is no keypoint `n`; as [`Encoder::run`].
+    /// When there is no keypoint `n`; as [`CpuEncoder::run`].
     pub fn heat_map(&self, workspace: &mut Workspace, frame: &Frame, n: usize) -> Result<HeatMap> {
         if n >= self.config.keypoints {
             return Err(Error::input(format!(
@@ -188,14 +190,14 @@ impl Encoder {
             back,
             scratch,
         } = workspace;
-        let mut sizes = self.layers[0].sizes(size)?;
+        let mut sizes = Sizes::new(&self.layers[0].shape, size)?;
         let (mut map, len) = self.layers[0].input(&sizes);
         front.grow(len)?;
         input.write(front, map);
         for (i, layer) in self.layers.iter().enumerate() {
             let (next, to, len) = match self.layers.get(i + 1) {
                 Some(following) => {
-                    let next = following.sizes(sizes.to)?;
+                    let next = Sizes::new(&following.shape, sizes.to)?;
                     let (to, len) = following.input(&next);
                     (next, to, len)
                 }
@@ -227,26 +229,26 @@ impl Encoder {
     pub fn plan(&self, size: [usize; 2]) -> Result<Vec<PlannedLayer>> {
         let mut size = size;
         let plan = self.layers.iter().map(|layer| {
-            let sizes = layer.sizes(size)?;
+            let sizes = Sizes::new(&layer.shape, size)?;
             size = sizes.to;
             Ok(layer.plan(&sizes))
         });
         plan.collect()
     }
+}
 
-    /// Checks that an input of `[width, height]` is large enough for every layer.
-    ///
-    /// # Errors
-    /// Names the layer that it is too small for.
-    pub fn check_size(&self, size: [usize; 2]) -> Result<()> {
-        let after = |size, layer: &Layer| Ok(layer.sizes(size)?.to);
-        self.layers.iter().try_fold(size, after).map(drop)
-    }
-
-    /// Where latent points lie in an image of `[width, height]`.
-    pub fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
-        self.config.latent_grid(image_size)
-    }
+/// Checks that an input of `[width, height]` is large enough for every layer of an encoder.
+///
+/// # Errors
+/// Names the layer that it is too small for.
+#[cfg(feature = "model")]
+pub(crate) fn check_size(config: &SaeConfig, size: [usize; 2]) -> Result<()> {
+    let after = |size, layer: &ConvLayer| Ok(Sizes::new(layer, size)?.to);
+    config
+        .encoder_layers()
+        .iter()
+        .try_fold(size, after)
+        .map(drop)
 }
 
 /// Checks that there is memory for all packed weights, before the first of them are.

@@ -1,4 +1,4 @@
-//! The product behind all convolutions: a few rows of numbers, read in place, times a panel of
+//! The product behind all convolutions: a few rows of values, read in place, times a panel of
 //! packed weights.
 
 use rten_simd::ops::{BitOps, NumOps};
@@ -11,7 +11,7 @@ use crate::error::Result;
 pub(crate) const WIDE: usize = 2;
 
 /// Rows that are multiplied at a time: with [`WIDE`] vectors a row, as many sums as the registers
-/// hold beside their operands.
+/// hold next to their operands.
 pub(crate) const fn tile_rows(lanes: usize) -> usize {
     match lanes {
         16 => 12,
@@ -43,7 +43,7 @@ macro_rules! with_rows {
 }
 pub(crate) use with_rows;
 
-/// Numbers in a vector on this CPU.
+/// Values in a vector on this CPU.
 pub(crate) fn lanes() -> usize {
     struct Lanes;
     impl SimdOp for Lanes {
@@ -56,7 +56,7 @@ pub(crate) fn lanes() -> usize {
     Lanes.dispatch()
 }
 
-/// A matrix in panels of [`WIDE`] vectors, step by step; zeros beside the last column.
+/// A matrix in panels of [`WIDE`] vectors, step by step; zeros after the last column.
 pub(crate) struct Panels {
     data: Buffer,
     steps: usize,
@@ -66,7 +66,7 @@ pub(crate) struct Panels {
 }
 
 impl Panels {
-    /// Zeros for `steps` rows of numbers in `columns` columns, a multiple of `lanes`.
+    /// Zeros for `steps` rows of values in `columns` columns, a multiple of `lanes`.
     ///
     /// # Errors
     /// When there is no memory for them.
@@ -81,7 +81,7 @@ impl Panels {
         })
     }
 
-    /// Packs `steps` rows of numbers in `columns` columns, a multiple of `lanes`.
+    /// Packs `steps` rows of values in `columns` columns, a multiple of `lanes`.
     ///
     /// # Errors
     /// When there is no memory for it.
@@ -113,7 +113,7 @@ impl Panels {
         self.steps
     }
 
-    /// Columns with the zeros beside them.
+    /// Columns with the zeros after them.
     pub fn columns(&self) -> usize {
         self.columns
     }
@@ -124,29 +124,63 @@ impl Panels {
     }
 }
 
-/// `sums[r][i] += sum over k of left[r * row + k] * panel[k][i]` for `steps` values of k.
+/// The left operand of a product.
+#[derive(Clone, Copy)]
+pub(crate) struct Left {
+    pub start: *const f32,
+    /// Values from a row to the next.
+    pub row: usize,
+    /// Values from a step of the sum to the next.
+    pub step: usize,
+}
+
+/// The right operand of a product: N vectors for each step of the sum.
+pub(crate) trait Right: Copy {
+    /// Where the vectors of a step are.
+    ///
+    /// # Safety
+    /// The operand must have the step.
+    unsafe fn at(self, step: usize) -> *const f32;
+}
+
+/// A panel of [`Panels`], `width` values wide.
+#[derive(Clone, Copy)]
+pub(crate) struct Packed {
+    pub start: *const f32,
+    pub width: usize,
+}
+
+impl Right for Packed {
+    #[inline(always)]
+    unsafe fn at(self, step: usize) -> *const f32 {
+        // SAFETY: the caller's promise.
+        unsafe { self.start.add(step * self.width) }
+    }
+}
+
+/// `sums[r][i] += sum over k of left[r][k] * right[k][i]` for `steps` values of k, in this order.
 ///
 /// # Safety
-/// `left` must be readable in ROWS rows of `steps` numbers, `panel` in `steps` rows of N vectors.
+/// `left` must be readable in ROWS rows of `steps` values, `right` in `steps` rows of N vectors.
 #[inline(always)]
-pub(crate) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
+pub(crate) unsafe fn multiply<I: Isa, R: Right, const ROWS: usize, const N: usize>(
     isa: I,
     sums: &mut [[I::F32; N]; ROWS],
-    left: *const f32,
-    row: usize,
-    panel: *const f32,
+    left: Left,
+    right: R,
     steps: usize,
 ) {
     let ops = isa.f32();
     let lanes = ops.len();
     // SAFETY: of each step, by the caller's promise.
     let mut step = |k: usize| unsafe {
+        let row = right.at(k);
         let mut columns = [ops.zero(); N];
         for (i, column) in columns.iter_mut().enumerate() {
-            *column = ops.load_ptr(panel.add((k * N + i) * lanes));
+            *column = ops.load_ptr(row.add(i * lanes));
         }
         for (r, row_sums) in sums.iter_mut().enumerate() {
-            let factor = ops.splat(*left.add(r * row + k));
+            let factor = ops.splat(*left.start.add(r * left.row + k * left.step));
             for (sum, column) in row_sums.iter_mut().zip(columns) {
                 *sum = ops.mul_add(factor, column, *sum);
             }
@@ -154,7 +188,7 @@ pub(crate) unsafe fn multiply<I: Isa, const ROWS: usize, const N: usize>(
     };
     let mut k = 0;
     if cfg!(target_arch = "wasm32") {
-        // The compiler unrolls a loop whose count it can tell, and then gathers the operands of
+        // The compiler unrolls a loop whose count it knows, and then gathers the operands of
         // several steps, which are too many for the registers of a browser.
         let one = std::hint::black_box(1);
         while k != steps {

@@ -7,24 +7,23 @@ use rten_simd::SimdOp;
 
 use super::buffer::Buffer;
 use super::direct::{Direct, slack};
+use super::epilogue::Epilogue;
 use super::gemm::Panels;
 use super::map::Map;
 use super::pool::MaxPool;
-use super::winograd::{Epilogue, Tiling, Winograd};
-use crate::checkpoint::{Checkpoint, ConvLayer, Tensor};
+use super::rows::{self, Rows};
+use super::winograd::{Tiling, Winograd};
+use crate::checkpoint::{BATCH_NORM_EPSILON, Checkpoint, ConvLayer, Tensor};
 use crate::error::{Error, Result};
-
-/// PyTorch's default `eps` of batch norm.
-const BATCH_NORM_EPSILON: f32 = 1e-5;
 
 /// A convolution and what follows it, with its weights packed.
 pub(super) struct Layer {
     pub shape: ConvLayer,
     lanes: usize,
-    /// Numbers of a cell that comes in and of one that goes out.
+    /// Values of a cell that comes in and of one that goes out.
     channels: [usize; 2],
     kernel: Kernel,
-    /// Of the batch norm after a pool; otherwise it is in the weights.
+    /// The scale of the batch norm after a pool; otherwise the weights include it.
     scale: Option<Vec<f32>>,
     bias: Vec<f32>,
     /// In place of the bias that comes after a pool.
@@ -35,10 +34,32 @@ pub(super) struct Layer {
 /// How a convolution is computed.
 enum Kernel {
     Direct(Panels),
+    Rows(Vec<Panels>),
     Winograd(Tiling, Vec<Panels>),
 }
 
-/// How a layer is computed, see [`Encoder::plan`](super::Encoder::plan).
+/// The [`Kernel`] of a layer, which its shape decides.
+enum Method {
+    Direct,
+    Rows,
+    Winograd(Tiling),
+}
+
+impl Method {
+    /// Tiles where they are worth their transforms, as a channel that is transformed serves enough
+    /// sums. No encoder pools what it takes in strides, so there are no such tiles.
+    fn of(shape: &ConvLayer, lanes: usize, channels: usize) -> Self {
+        let worth = channels.is_multiple_of(lanes) && shape.inputs.min(shape.outputs) >= 16;
+        let strided_pool = shape.pool && shape.stride > 1;
+        match Tiling::new(shape.kernel, shape.stride) {
+            Some(tiling) if worth && !strided_pool => Self::Winograd(tiling),
+            _ if shape.kernel == rows::KERNEL && shape.stride == 1 && !shape.pool => Self::Rows,
+            _ => Self::Direct,
+        }
+    }
+}
+
+/// How a layer is computed, see [`CpuEncoder::plan`](super::CpuEncoder::plan).
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct PlannedLayer {
     /// The name of the convolution in the state dict.
@@ -62,8 +83,29 @@ pub(super) struct Sizes {
     pub to: [usize; 2],
 }
 
+impl Sizes {
+    /// What a layer makes of an input of `from`.
+    ///
+    /// # Errors
+    /// When it is too small.
+    pub fn new(layer: &ConvLayer, from: [usize; 2]) -> Result<Self> {
+        let sides = from.map(|side| layer.convolved_side(side).zip(layer.output_side(side)));
+        match sides {
+            [Some((width, to_width)), Some((height, to_height))] => Ok(Self {
+                from,
+                convolved: [width, height],
+                to: [to_width, to_height],
+            }),
+            _ => Err(Error::input(format!(
+                "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
+                layer.name, from[0], from[1], layer.kernel, layer.kernel
+            ))),
+        }
+    }
+}
+
 impl Layer {
-    /// Folds the batch norm into the weights and packs them. `channels` are the numbers of a cell
+    /// Folds the batch norm into the weights and packs them. `channels` are the values of a cell
     /// that comes in, `lanes` those of a vector.
     ///
     /// # Errors
@@ -99,24 +141,23 @@ impl Layer {
             factors: factors.as_deref(),
         };
         weights.check(&shape, &bias)?;
-        let kernel = match Self::tiling(&shape, lanes, channels) {
-            Some(tiling) => {
-                let at = |output, input, ky, kx| weights.at(output, input, ky, kx);
+        let at = |output, input, ky, kx| weights.at(output, input, ky, kx);
+        let kernel = match Method::of(&shape, lanes, channels) {
+            Method::Winograd(tiling) => {
                 let mut panels = Vec::with_capacity(tiling.places());
                 for row in 0..tiling.side {
                     panels.extend(tiling.transform_filters(row, lanes, [outputs, channels], at)?);
                 }
                 Kernel::Winograd(tiling, panels)
             }
-            None => {
+            Method::Rows => Kernel::Rows(rows::transform_filters(lanes, [outputs, channels], at)?),
+            Method::Direct => {
                 let run = shape.kernel * channels;
                 Kernel::Direct(Panels::new(
                     lanes,
                     shape.kernel * run,
                     outputs,
-                    |step, output| {
-                        weights.at(output, step % channels, step / run, step % run / channels)
-                    },
+                    |step, output| at(output, step % channels, step / run, step % run / channels),
                 )?)
             }
         };
@@ -136,11 +177,12 @@ impl Layer {
         })
     }
 
-    /// Numbers of a layer's packed weights, before anything is made for them.
+    /// Values of a layer's packed weights, before anything is made for them.
     pub fn weights(shape: &ConvLayer, lanes: usize, channels: usize) -> u64 {
-        let places = match Self::tiling(shape, lanes, channels) {
-            Some(tiling) => tiling.places(),
-            None => shape.kernel * shape.kernel,
+        let places = match Method::of(shape, lanes, channels) {
+            Method::Winograd(tiling) => tiling.places(),
+            Method::Rows => rows::PLACES * shape.kernel,
+            Method::Direct => shape.kernel * shape.kernel,
         };
         let outputs = shape.outputs.next_multiple_of(lanes);
         [places, channels, outputs]
@@ -148,41 +190,12 @@ impl Layer {
             .fold(1, |product: u64, n| product.saturating_mul(n as u64))
     }
 
-    /// Tiles, if the layer goes by them: where they are worth their transforms, as a channel that
-    /// is transformed serves enough sums. No encoder pools what it takes in strides, so there are
-    /// no such tiles.
-    fn tiling(shape: &ConvLayer, lanes: usize, channels: usize) -> Option<Tiling> {
-        let worth = channels.is_multiple_of(lanes) && shape.inputs.min(shape.outputs) >= 16;
-        let strided_pool = shape.pool && shape.stride > 1;
-        Tiling::new(shape.kernel, shape.stride).filter(|_| worth && !strided_pool)
-    }
-
-    /// Numbers of a cell that goes out.
+    /// Values of a cell that goes out.
     pub fn outputs(&self) -> usize {
         self.channels[1]
     }
 
-    /// What the layer makes of an input of `from`.
-    ///
-    /// # Errors
-    /// When it is too small.
-    pub fn sizes(&self, from: [usize; 2]) -> Result<Sizes> {
-        let layer = &self.shape;
-        let sides = from.map(|side| layer.convolved_side(side).zip(layer.output_side(side)));
-        match sides {
-            [Some((width, to_width)), Some((height, to_height))] => Ok(Sizes {
-                from,
-                convolved: [width, height],
-                to: [to_width, to_height],
-            }),
-            _ => Err(Error::input(format!(
-                "the frame is too small for this encoder: `{}` gets {} x {} cells for a kernel of {} x {}",
-                layer.name, from[0], from[1], layer.kernel, layer.kernel
-            ))),
-        }
-    }
-
-    /// How the input has to lie in memory, and the numbers of the buffer that holds it.
+    /// How the input has to lie in memory, and the values of the buffer that holds it.
     pub fn input(&self, sizes: &Sizes) -> (Map, usize) {
         let ConvLayer {
             padding,
@@ -193,6 +206,7 @@ impl Layer {
         let [channels, _] = self.channels;
         let (before, after) = match &self.kernel {
             Kernel::Winograd(tiling, _) => tiling.frame(padding, pool, sizes.from, sizes.convolved),
+            Kernel::Rows(_) => (padding, rows::behind(padding, sizes.from, sizes.convolved)),
             Kernel::Direct(_) => (padding, [padding; 2]),
         };
         let map = Map {
@@ -203,12 +217,13 @@ impl Layer {
         };
         let behind = match self.kernel {
             Kernel::Winograd(..) => 0,
+            Kernel::Rows(_) => rows::slack(self.lanes),
             Kernel::Direct(_) => slack(self.lanes, stride, channels),
         };
         (map, map.len() + behind)
     }
 
-    /// Numbers that the layer needs beside input and output.
+    /// Values that the layer needs besides input and output.
     pub fn scratch(&self, sizes: &Sizes) -> usize {
         let [channels, outputs] = self.channels;
         match &self.kernel {
@@ -217,6 +232,7 @@ impl Layer {
                     .scratch(self.lanes, channels, self.tiles(tiling, sizes))
                     .1
             }
+            Kernel::Rows(_) => rows::scratch(self.lanes, channels, sizes.convolved),
             Kernel::Direct(_) if self.shape.pool => Map::bare(sizes.convolved, outputs).len(),
             Kernel::Direct(_) => 0,
         }
@@ -255,6 +271,16 @@ impl Layer {
                     count(&[self.tiles(tiling, sizes), tiling.places(), channels, padded]),
                 )
             }
+            Kernel::Rows(_) => (
+                format!("Winograd F({}, {kernel}) along rows", rows::OUTPUTS),
+                count(&[
+                    rows::tiles(width),
+                    height,
+                    rows::PLACES * kernel,
+                    channels,
+                    padded,
+                ]),
+            ),
             Kernel::Direct(_) => (
                 format!("direct {kernel}x{kernel}, stride {stride}"),
                 count(&[width, height, channels, padded, kernel, kernel]),
@@ -308,6 +334,17 @@ impl Layer {
                 tiling: *tiling,
                 convolved: sizes.convolved,
                 epilogue,
+                input,
+                from,
+                output,
+                to,
+                scratch,
+            }
+            .dispatch(),
+            Kernel::Rows(panels) => Rows {
+                panels,
+                bias: &self.bias,
+                floor: self.floor,
                 input,
                 from,
                 output,
@@ -407,7 +444,7 @@ pub(super) fn batch_norm(checkpoint: &Checkpoint, name: &str) -> Result<(Vec<f32
     let scale: Vec<f32> = weight
         .iter()
         .zip(variance)
-        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON).sqrt())
+        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON as f32).sqrt())
         .collect();
     let shift = bias
         .iter()

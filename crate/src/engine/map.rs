@@ -5,7 +5,7 @@
 pub(crate) struct Map {
     /// Columns and rows without the frame.
     pub size: [usize; 2],
-    /// Numbers a cell: channels, and zeros up to a whole number of vectors.
+    /// Values per cell: channels, and zeros up to a whole number of vectors.
     pub channels: usize,
     /// Columns to the left and rows above.
     pub before: usize,
@@ -29,12 +29,12 @@ impl Map {
         [0, 1].map(|axis| self.before + self.size[axis] + self.after[axis])
     }
 
-    /// Numbers from a row to the next.
+    /// Values from a row to the next.
     pub fn pitch(&self) -> usize {
         self.framed()[0] * self.channels
     }
 
-    /// Numbers of the whole map.
+    /// Values of the whole map.
     pub fn len(&self) -> usize {
         self.framed()[1] * self.pitch()
     }

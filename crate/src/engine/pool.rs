@@ -4,9 +4,20 @@
 use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
 
+use super::epilogue::Epilogue;
 use super::map::Map;
 use super::simd::larger;
-use super::winograd::Epilogue;
+
+/// Rows or columns of a pooled map.
+pub(crate) fn pooled(side: usize) -> usize {
+    side / 2 + 1
+}
+
+/// The two rows or columns of a map that a cell of the pooled map covers; `None` in front of the
+/// map. The second one may lie behind it.
+pub(crate) fn window(at: usize) -> [Option<usize>; 2] {
+    [(2 * at).checked_sub(1), Some(2 * at)]
+}
 
 /// Kernel 2, stride 2, one ring of padding that never wins (as in the authors' code; the paper has
 /// none); then scale, bias and floor.
@@ -30,7 +41,7 @@ impl SimdOp for MaxPool<'_> {
         let lanes = ops.len();
         let channels = self.from.channels;
         let scale = self.epilogue.scale.unwrap_or_default();
-        assert_eq!(self.to.size, self.from.size.map(|side| side / 2 + 1));
+        assert_eq!(self.to.size, self.from.size.map(pooled));
         assert_eq!([self.to.channels, channels % lanes], [channels, 0]);
         assert_eq!([scale.len(), self.epilogue.bias.len()], [channels; 2]);
         assert!(self.input.len() >= self.from.len() && self.output.len() >= self.to.len());
@@ -38,7 +49,9 @@ impl SimdOp for MaxPool<'_> {
         for row in 0..self.to.size[1] {
             for column in 0..self.to.size[0] {
                 let [columns, rows] = [(column, 0), (row, 1)].map(|(at, axis)| {
-                    (2 * at).saturating_sub(1)..(2 * at + 1).min(self.from.size[axis])
+                    let side = self.from.size[axis];
+                    let inside = move |at: &usize| *at < side;
+                    window(at).into_iter().flatten().filter(inside)
                 });
                 for channel in (0..channels).step_by(lanes) {
                     let mut value = ops.splat(f32::NEG_INFINITY);

@@ -19,7 +19,7 @@ pub(super) struct SoftArgmax<'a> {
     pub input: &'a [f32],
     pub from: Map,
     pub temperature: f32,
-    /// One a channel, without those that only fill up the vectors.
+    /// One a channel, without the channels that only pad the vectors.
     pub points: &'a mut [[f32; 2]],
 }
 

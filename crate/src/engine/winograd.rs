@@ -17,17 +17,15 @@ use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
 
 use super::buffer::LINE;
-use super::gemm::{Panels, WIDE, multiply, tile_rows, with_rows};
+use super::epilogue::Epilogue;
+use super::gemm::{Left, Packed, Panels, WIDE, multiply, tile_rows, with_rows};
 use super::map::Map;
+use super::pool::pooled;
 use super::simd::larger;
+use super::tile::{FAR, Inputs, NEAR, Outputs, transform, transform_to};
 use crate::error::Result;
 
-/// The points at which the polynomials of tiles with stride 1 are evaluated: 0, ±[`NEAR`], ±[`FAR`]
-/// and infinity. With stride 2 they are 0, ±[`NEAR`], [`FAR`] and infinity.
-const NEAR: f32 = 1.0;
-pub(crate) const FAR: f32 = 2.0;
-
-/// Numbers of a block of transformed tiles: half of a common second-level cache.
+/// Values of a block of transformed tiles: half of a common second-level cache.
 const BLOCK: usize = 128 * 1024;
 
 /// How the cells of a convolution are cut into tiles.
@@ -42,7 +40,7 @@ pub(crate) struct Tiling {
 }
 
 impl Tiling {
-    /// `None` where there is no transform for it.
+    /// `None` where no transform exists for it.
     pub fn new(kernel: usize, stride: usize) -> Option<Self> {
         let outputs = match (kernel, stride) {
             (3, 1 | 2) => 4,
@@ -90,7 +88,7 @@ impl Tiling {
         (before, after)
     }
 
-    /// Tiles that are transformed at a time, and numbers that a convolution of `tiles` needs beside
+    /// Tiles that are transformed at a time, and values that a convolution of `tiles` needs besides
     /// input and output.
     pub fn scratch(&self, lanes: usize, channels: usize, tiles: usize) -> (usize, usize) {
         let rows = tile_rows(lanes);
@@ -166,15 +164,6 @@ impl Tiling {
     }
 }
 
-/// What a convolution gives: every sum plus a bias, or the largest of 2 x 2 sums times a scale plus
-/// a bias; then what is below `floor` is raised to it.
-pub(crate) struct Epilogue<'a> {
-    /// Of the batch norm after a pool; one number an output.
-    pub scale: Option<&'a [f32]>,
-    pub bias: &'a [f32],
-    pub floor: f32,
-}
-
 /// A convolution by tiles.
 pub(crate) struct Winograd<'a> {
     /// Transformed filters, a place of the tile after the other.
@@ -188,11 +177,11 @@ pub(crate) struct Winograd<'a> {
     pub from: Map,
     pub output: &'a mut [f32],
     pub to: Map,
-    /// As many numbers as [`Tiling::scratch`] says.
+    /// As many values as [`Tiling::scratch`] says.
     pub scratch: &'a mut [f32],
 }
 
-/// Numbers from a place of the tile to the next.
+/// Values from a place of the tile to the next.
 struct Strides {
     source: usize,
     product: usize,
@@ -277,7 +266,7 @@ impl Winograd<'_> {
         );
         let expected = self
             .convolved
-            .map(|side| if POOL { side / 2 + 1 } else { side });
+            .map(|side| if POOL { pooled(side) } else { side });
         assert_eq!(self.to.size, expected);
         let tiles = across * down;
         for first in (0..tiles).step_by(block) {
@@ -325,23 +314,8 @@ impl Winograd<'_> {
                 unsafe {
                     let from = self.input.as_ptr().add(y * pitch + x * channels + channel);
                     let to = self.scratch.as_mut_ptr().add(tile * channels + channel);
-                    let mut half = [[ops.zero(); SIDE]; SIDE];
-                    for (column, half) in half.iter_mut().enumerate() {
-                        let mut cells = [ops.zero(); SIDE];
-                        for (row, cell) in cells.iter_mut().enumerate() {
-                            *cell = ops.load_ptr(from.add(row * pitch + column * channels));
-                        }
-                        *half = input_points(isa, cells);
-                    }
-                    for row in 0..SIDE {
-                        let mut cells = [ops.zero(); SIDE];
-                        for (cell, half) in cells.iter_mut().zip(&half) {
-                            *cell = half[row];
-                        }
-                        for (column, value) in input_points(isa, cells).into_iter().enumerate() {
-                            ops.store_ptr(value, to.add((row * SIDE + column) * strides.source));
-                        }
-                    }
+                    let steps = [pitch, channels, strides.source];
+                    transform_to::<I, Inputs, SIDE, SIDE>(isa, from, to, steps);
                 }
             }
         }
@@ -364,17 +338,24 @@ impl Winograd<'_> {
             .scratch
             .split_at_mut(self.tiling.places() * strides.source);
         for (place, panels) in self.panels.iter().enumerate() {
-            let panel = panels.panel(first).as_ptr();
+            let panel = Packed {
+                start: panels.panel(first).as_ptr(),
+                width: N * lanes,
+            };
             let mut tile = 0;
             while tile < block.count {
                 // SAFETY: scratch holds a block, which is a multiple of ROWS tiles; what is
                 // computed for tiles behind the last one is never looked at.
                 unsafe {
-                    let left = source
-                        .as_ptr()
-                        .add(place * strides.source + tile * channels);
+                    let left = Left {
+                        start: source
+                            .as_ptr()
+                            .add(place * strides.source + tile * channels),
+                        row: channels,
+                        step: 1,
+                    };
                     let mut sums = [[ops.zero(); N]; ROWS];
-                    multiply::<I, ROWS, N>(isa, &mut sums, left, channels, panel, channels);
+                    multiply::<I, _, ROWS, N>(isa, &mut sums, left, panel, channels);
                     let to = product
                         .as_mut_ptr()
                         .add(place * strides.product + tile * N * lanes);
@@ -423,23 +404,14 @@ impl Winograd<'_> {
                 // asserts that they are.
                 unsafe {
                     let from = product.as_ptr().add((tile * N + i) * lanes);
-                    let mut half = [[ops.zero(); M]; SIDE];
-                    for (column, half) in half.iter_mut().enumerate() {
-                        let mut places = [ops.zero(); SIDE];
-                        for (row, place) in places.iter_mut().enumerate() {
-                            *place =
-                                ops.load_ptr(from.add((row * SIDE + column) * strides.product));
-                        }
-                        *half = output_cells::<I, SIDE, M>(isa, places);
-                    }
                     let mut cells = [[ops.zero(); M]; M];
-                    for (row, cells) in cells.iter_mut().enumerate() {
-                        let mut places = [ops.zero(); SIDE];
-                        for (place, half) in places.iter_mut().zip(&half) {
-                            *place = half[row];
-                        }
-                        *cells = output_cells::<I, SIDE, M>(isa, places);
-                    }
+                    transform::<I, Outputs, SIDE, M>(
+                        isa,
+                        from,
+                        [SIDE * strides.product, strides.product],
+                        #[inline(always)]
+                        |row, values| cells[row] = values,
+                    );
                     let bias = ops.load_ptr(self.epilogue.bias.as_ptr().add(channel));
                     if POOL {
                         if !whole {
@@ -495,83 +467,4 @@ impl Winograd<'_> {
             }
         }
     }
-}
-
-/// The input transform along one axis.
-#[inline(always)]
-pub(crate) fn input_points<I: Isa, const SIDE: usize>(isa: I, d: [I::F32; SIDE]) -> [I::F32; SIDE] {
-    let ops = isa.f32();
-    let scaled = |factor: f32, value, sum| ops.mul_add(ops.splat(factor), value, sum);
-    let (near, far) = (NEAR * NEAR, FAR * FAR);
-    let mut points = d;
-    match SIDE {
-        6 => {
-            let even_near = scaled(-far, d[2], d[4]);
-            let odd_near = scaled(-far, d[1], d[3]);
-            let even_far = scaled(-near, d[2], d[4]);
-            let odd_far = scaled(-near, d[1], d[3]);
-            points[0] = scaled(near * far, d[0], scaled(-(near + far), d[2], d[4]));
-            points[1] = scaled(NEAR, odd_near, even_near);
-            points[2] = scaled(-NEAR, odd_near, even_near);
-            points[3] = scaled(FAR, odd_far, even_far);
-            points[4] = scaled(-FAR, odd_far, even_far);
-            points[5] = scaled(near * far, d[1], scaled(-(near + far), d[3], d[5]));
-        }
-        9 => {
-            // The cells of the outer taps; those of the middle one come behind them.
-            let between: [I::F32; 4] = std::array::from_fn(|i| d[2 * i + 1]);
-            let d: [I::F32; 5] = std::array::from_fn(|i| d[2 * i]);
-            let at_far = scaled(-near, d[1], d[3]);
-            points[0] = scaled(near * FAR, d[0], scaled(-FAR, d[2], at_far));
-            points[1] = scaled(-(NEAR * FAR), d[1], scaled(NEAR - FAR, d[2], d[3]));
-            points[2] = scaled(NEAR * FAR, d[1], scaled(-(NEAR + FAR), d[2], d[3]));
-            points[3] = at_far;
-            points[4] = scaled(-FAR, at_far, scaled(-near, d[2], d[4]));
-            points[5..].copy_from_slice(&between);
-        }
-        _ => unreachable!("no transform for tiles of {SIDE} x {SIDE}"),
-    }
-    points
-}
-
-/// The output transform along one axis: result i is the sum of a point's product times the point to
-/// the power of i, and the last one has infinity's as well. With stride 2, the products of the
-/// middle tap are added.
-#[inline(always)]
-fn output_cells<I: Isa, const SIDE: usize, const M: usize>(
-    isa: I,
-    m: [I::F32; SIDE],
-) -> [I::F32; M] {
-    let ops = isa.f32();
-    let strided = SIDE == 9;
-    let even = ops.add(m[1], m[2]);
-    let odd = ops.sub(m[1], m[2]);
-    let [even_far, odd_far, infinity] = match strided {
-        false => [ops.add(m[3], m[4]), ops.sub(m[3], m[4]), m[5]],
-        true => [m[3], m[3], m[4]],
-    };
-    let mut cells = [m[0]; M];
-    for (power, cell) in cells.iter_mut().enumerate() {
-        let (near, far) = match power % 2 {
-            0 => (even, even_far),
-            _ => (odd, odd_far),
-        };
-        let [at_near, at_far] = [NEAR, FAR].map(|point| {
-            let mut value = 1.0;
-            for _ in 0..power {
-                value *= point;
-            }
-            ops.splat(value)
-        });
-        let mut last = match power {
-            0 => ops.add(m[0], near),
-            _ if power + 1 == M => ops.mul_add(at_near, near, infinity),
-            _ => ops.mul(at_near, near),
-        };
-        if strided {
-            last = ops.add(last, m[5 + power]);
-        }
-        *cell = ops.mul_add(at_far, far, last);
-    }
-    cells
 }

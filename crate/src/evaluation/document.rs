@@ -1,4 +1,4 @@
-//! An evaluation as JSON (schema `tracklens/evaluation/2`, which `docs/metrics.md`
+//! An evaluation as JSON (schema `tracklens/evaluation/3`, which `docs/metrics.md`
 //! describes).
 
 use serde::{Deserialize, Serialize};
@@ -7,14 +7,16 @@ use super::scoring::{Context, SequenceError};
 use crate::data::Join;
 use crate::error::{Error, Result};
 use crate::metric::context::{Assignment, CLOSE, Regression};
-use crate::metric::{AffineMap, Evaluation, HeldOut, HeldOutObject, Intervals, Transform};
+use crate::metric::{
+    AffineMap, Evaluation, HeldOut, HeldOutObject, Intervals, Sufficiency, Transform,
+};
 use crate::track::FrameKey;
 
 /// The name of the schema, before its number.
 const SCHEMA: &str = "tracklens/evaluation/";
 /// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of
-/// images and command.
-const NEWEST: u32 = 2;
+/// images and command; before 3 the TC was always a number.
+const NEWEST: u32 = 3;
 
 /// How many names of unmatched frames a report shows.
 const SHOWN: usize = 5;
@@ -23,19 +25,23 @@ const SHOWN: usize = 5;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct EvaluationReport {
-    /// `tracklens/evaluation/2`.
+    /// `tracklens/evaluation/3`.
     pub schema: String,
     /// The version that computed it.
     pub version: String,
     /// The command that repeats it, where one does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
-    /// Tracking capability: the share of tracked objects.
-    pub tc: f64,
+    /// Tracking capability: the share of tracked objects; null where an object has not enough data
+    /// ([`sufficiency`](Self::sufficiency)).
+    pub tc: Option<f64>,
     /// The number of frames T.
     pub frames: u64,
     /// Frames left out because a keypoint was not finite.
     pub excluded: u64,
+    /// For every keypoint, the frames in which it is missing, which do not count for it; where one is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<Vec<u64>>,
     /// `identity`, `scale-translate` or `affine`.
     pub transform: String,
     /// The rank rule: `reference` or `centred`.
@@ -54,7 +60,10 @@ pub struct EvaluationReport {
     /// How frames were matched to rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub join: Option<JoinReport>,
-    /// The same on sequences that the maps were not fitted on, where that was asked for.
+    /// Whether the data were enough to tell tracking from chance, by object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sufficiency: Option<Vec<Sufficiency>>,
+    /// The same on sequences that the maps were not fitted on, where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOutReport>,
     /// 95 % intervals, where they were asked for.
@@ -318,9 +327,14 @@ impl EvaluationReport {
             schema: format!("{SCHEMA}{NEWEST}"),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: None,
-            tc: evaluation.tracking_capability,
+            tc: Some(evaluation.tracking_capability),
             frames: evaluation.frames,
             excluded: evaluation.excluded,
+            missing: evaluation
+                .missing
+                .iter()
+                .any(|missing| *missing > 0)
+                .then(|| evaluation.missing.clone()),
             transform: evaluation.settings.transform.name().to_owned(),
             rank: evaluation.settings.rank.name().to_owned(),
             protocol: "fit-and-score-same-frames".to_owned(),
@@ -337,11 +351,39 @@ impl EvaluationReport {
             objects,
             image_size,
             join: join.cloned(),
+            sufficiency: None,
             held_out: None,
             intervals: None,
             sequences: None,
             context: None,
         }
+    }
+
+    /// Takes up whether the data were enough: the TC is unknown where they were not. An object that
+    /// is visible nowhere counts as not tracked instead.
+    pub fn judge(&mut self, sufficiency: Vec<Sufficiency>) {
+        let visible = sufficiency.iter().zip(&self.objects);
+        let unknown: Vec<String> = visible
+            .filter(|(found, object)| !found.is_known && object.frames > 0)
+            .map(|(found, object)| why_unknown(found, object.threshold))
+            .collect();
+        if !unknown.is_empty() {
+            self.tc = None;
+            self.warnings.splice(0..0, unknown);
+        }
+        self.sufficiency = Some(sufficiency);
+    }
+
+    /// Takes up the held-out errors, and says if they make another TC.
+    pub fn hold_out(&mut self, held_out: HeldOutReport) {
+        if let Some(tc) = self.tc.filter(|tc| *tc != held_out.tc) {
+            self.warnings.push(format!(
+                "on held-out sequences TC is {:.3} instead of {tc:.3}: maps fitted on these \
+                 sequences do not carry over to others",
+                held_out.tc
+            ));
+        }
+        self.held_out = Some(held_out);
     }
 
     /// Reads the JSON of an evaluation, of this schema or an older one. `name` is that of the file.
@@ -403,12 +445,38 @@ impl EvaluationReport {
     }
 }
 
+fn why_unknown(found: &Sufficiency, threshold: f64) -> String {
+    let name = &found.name;
+    let Some(needed) = found.needed else {
+        return format!(
+            "TC is unknown: object `{name}` hardly moves. Its variance is {:.5} and its threshold \
+             {threshold}, so that any keypoint passes for tracking it. Score frames in which it \
+             moves more, or lower its threshold (--threshold)",
+            found.variance
+        );
+    };
+    let enough = match needed.sequences {
+        Some(sequences) => format!("{sequences} sequences ({} frames)", needed.frames),
+        None => format!("{} frames", needed.frames),
+    };
+    format!(
+        "TC is unknown: the frames of object `{name}` amount to {:.1} independent positions, too \
+         few to tell tracking from chance. {enough} like these are enough",
+        found.observations
+    )
+}
+
 fn warnings(evaluation: &Evaluation) -> Vec<String> {
     let mut out = Vec::new();
     for object in &evaluation.objects {
         if object.best.is_none() {
+            let why = if object.frames == 0 {
+                "is visible in no frame"
+            } else {
+                "has no keypoint that is found in at least half of its frames"
+            };
             out.push(format!(
-                "object `{}` is visible in no frame and counts as not tracked",
+                "object `{}` {why} and counts as not tracked",
                 object.name
             ));
         } else if object.frames < 30 {
@@ -431,6 +499,25 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
             evaluation.directions_dropped,
             evaluation.errors.len(),
             evaluation.settings.rank.name()
+        ));
+    }
+    let missing = evaluation.missing.iter().enumerate();
+    let missing: Vec<String> = missing
+        .filter(|(_, count)| **count > 0)
+        .map(|(n, count)| format!("{n} ({count})"))
+        .collect();
+    if !missing.is_empty() {
+        let more = missing.len().saturating_sub(SHOWN);
+        let shown = missing[..missing.len() - more].join(", ");
+        let rest = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        out.push(format!(
+            "{} keypoint(s) are missing in some of {} frames, which do not count for them: {shown}{rest}",
+            missing.len(),
+            evaluation.frames
         ));
     }
     if evaluation.excluded > 0 {

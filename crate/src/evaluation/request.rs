@@ -6,7 +6,10 @@ use super::document::{
 use super::scoring::Scoring;
 use super::thresholds::Thresholds;
 use crate::error::Result;
-use crate::metric::{Settings, Transform};
+use crate::metric::Settings;
+
+/// Folds of the sequences by default.
+const FOLDS: usize = 5;
 
 /// How to score, and what to report with the errors.
 #[derive(Debug, Clone, Default)]
@@ -17,7 +20,8 @@ pub struct Request {
     pub thresholds: Thresholds,
     /// Width and height of the images, for errors in pixels.
     pub image_size: Option<[u32; 2]>,
-    /// Also fit and score on different sequences, in this many folds.
+    /// Also fit and score on different sequences, in this many folds; 0: do not. By default in
+    /// five, or as many as there are sequences, if there are at least two.
     pub folds: Option<usize>,
     /// Also give 95 % intervals, from this many resamples.
     pub bootstrap: Option<usize>,
@@ -38,20 +42,23 @@ impl Request {
         let (thresholds, settings, seed) = (&self.thresholds, &self.settings, self.seed);
         let evaluation = scoring.evaluate(thresholds, settings)?;
         let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
-        if settings.transform != Transform::Identity && self.folds.is_none() {
-            let sequences = scoring.sequence_count();
-            let warnings = scoring.hardly_moving()?.into_iter().map(|k| {
-                format!(
-                    "object `{}` hardly moves within the {sequences} sequences: a fitted map comes close to so few positions \
-                     whatever the keypoint does. Score more sequences, or on held-out folds (--folds)",
-                    scoring.objects()[k]
-                )
-            });
-            report.warnings.extend(warnings);
-        }
-        if let Some(folds) = self.folds {
-            let held_out = scoring.held_out(folds, seed, thresholds, settings)?;
-            report.held_out = Some(HeldOutReport::new(&held_out, seed));
+        report.judge(scoring.sufficiency(thresholds)?);
+        match self.folds {
+            Some(0) => {}
+            Some(folds) => {
+                let held_out = scoring.held_out(folds, seed, thresholds, settings)?;
+                report.hold_out(HeldOutReport::new(&held_out, seed));
+            }
+            None if scoring.sequence_count() < 2 => {}
+            None => {
+                let folds = scoring.sequence_count().min(FOLDS);
+                match scoring.held_out(folds, seed, thresholds, settings) {
+                    Ok(held_out) => report.hold_out(HeldOutReport::new(&held_out, seed)),
+                    Err(e) => report
+                        .warnings
+                        .push(format!("there are no held-out errors: {e}")),
+                }
+            }
         }
         if let Some(resamples) = self.bootstrap {
             let intervals = scoring.bootstrap(resamples, seed, thresholds, settings)?;
@@ -73,7 +80,7 @@ impl Request {
             report.sequences = Some(sequences.collect::<Result<_>>()?);
         }
         if self.context {
-            let context = scoring.context(self.folds.map(|folds| (folds, seed)))?;
+            let context = scoring.context(self.folds.filter(|n| *n > 0).map(|n| (n, seed)))?;
             report.context = Some(ContextReport::new(&context, scoring.objects()));
         }
         Ok(report)

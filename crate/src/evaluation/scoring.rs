@@ -6,11 +6,11 @@ use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use super::thresholds::Thresholds;
 use crate::data::{Join, SequenceRange, join, ranges};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
     Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
-    Settings, deal, held_out,
+    Settings, Sufficiency, deal, farthest_frame, held_out, sufficiency,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 
@@ -114,29 +114,45 @@ impl Scoring {
         self.keys.chunk_by(|a, b| a.sequence == b.sequence).count()
     }
 
-    /// Objects that hardly move within the sequences, where there are fewer than ten (and more than
-    /// one): their positions are hardly more than the sequences, and an affine map goes through
-    /// three of them whatever the keypoint does. Hardly: less than a twentieth of an object's
-    /// variance lies within the sequences.
+    /// Whether there is enough data to score each object; see [`sufficiency`].
     ///
     /// # Errors
-    /// As [`Scoring::new`].
-    pub fn hardly_moving(&self) -> Result<Vec<usize>> {
-        const FEW: usize = 10;
-        const SHARE: f64 = 0.05;
-        if !(2..FEW).contains(&self.sequence_count()) {
-            return Ok(Vec::new());
-        }
-        let mut within = vec![0.0; self.names.len()];
-        for moments in self.sequences()?.iter() {
-            for (sum, squares) in within.iter_mut().zip(moments.object_squares()) {
-                *sum += squares;
+    /// As [`Scoring::evaluate`].
+    pub fn sufficiency(&self, thresholds: &Thresholds) -> Result<Vec<Sufficiency>> {
+        let objects = self.with(thresholds)?;
+        let mut truth = self.truth_ndc.clone();
+        if self.policy == NonFinite::ExcludeFrame {
+            let frames = truth.outer_iter_mut().zip(self.keypoints.outer_iter());
+            for (mut truth, keypoints) in frames {
+                if keypoints.iter().any(|v| !v.is_finite()) {
+                    truth.fill(f64::NAN);
+                }
             }
         }
-        let all = self.moments.object_squares();
-        let objects = within.iter().zip(&all).enumerate();
-        let hardly = objects.filter(|(_, (within, all))| **within < SHARE * **all);
-        Ok(hardly.map(|(k, _)| k).collect())
+        let sequences: Vec<_> = ranges(&self.keys)
+            .into_iter()
+            .map(|range| range.start..range.start + range.length)
+            .collect();
+        sufficiency(
+            truth.view(),
+            &sequences,
+            self.keypoints.dim().1,
+            self.least_seen(),
+            &objects,
+        )
+        .map_err(|e| self.located(e))
+    }
+
+    /// The smallest share of the frames that show a keypoint, of those that are shown in at least
+    /// half.
+    fn least_seen(&self) -> f64 {
+        let frames = self.moments.frames().max(1) as f64;
+        let shares = self
+            .moments
+            .missing()
+            .iter()
+            .map(|missing| 1.0 - *missing as f64 / frames);
+        shares.filter(|share| *share >= 0.5).fold(1.0, f64::min)
     }
 
     /// Scores with `thresholds`.
@@ -145,7 +161,20 @@ impl Scoring {
     /// When a threshold is given for an object that the ground truth does not have; as
     /// [`Moments::evaluate`].
     pub fn evaluate(&self, thresholds: &Thresholds, settings: &Settings) -> Result<Evaluation> {
-        self.moments.evaluate(&self.with(thresholds)?, settings)
+        self.moments
+            .evaluate(&self.with(thresholds)?, settings)
+            .map_err(|e| self.located(e))
+    }
+
+    /// A numeric error with the frame that is to blame for it, if one is.
+    fn located(&self, error: Error) -> Error {
+        if error.kind() != ErrorKind::Numeric {
+            return error;
+        }
+        match farthest_frame(self.keypoints.view(), self.truth_ndc.view()) {
+            Some((t, value)) => error.at(format!("{} (coordinate {value:e})", self.keys[t])),
+            None => error,
+        }
     }
 
     /// Scores every fold of the sequences with maps and best keypoints of the others; see
@@ -161,7 +190,7 @@ impl Scoring {
         settings: &Settings,
     ) -> Result<HeldOut> {
         let objects = self.with(thresholds)?;
-        held_out(&self.sequences()?, folds, seed, &objects, settings)
+        held_out(&self.sequences()?, folds, seed, &objects, settings).map_err(|e| self.located(e))
     }
 
     /// 95 % intervals over the sequences; see [`Bootstrap`].
@@ -176,7 +205,9 @@ impl Scoring {
         settings: &Settings,
     ) -> Result<Intervals> {
         let (mut bootstrap, sequences) = self.start_bootstrap(seed, thresholds, settings)?;
-        bootstrap.draw(&sequences, resamples)?;
+        bootstrap
+            .draw(&sequences, resamples)
+            .map_err(|e| self.located(e))?;
         bootstrap.finish()
     }
 
@@ -198,8 +229,13 @@ impl Scoring {
     /// sequences to them also on frames that were not fitted.
     ///
     /// # Errors
-    /// When there are fewer than two folds, or fewer sequences than folds.
+    /// When there are fewer than two folds, or fewer sequences than folds, or a value is beyond the
+    /// range of f64.
     pub fn context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
+        self.measure_context(folds).map_err(|e| self.located(e))
+    }
+
+    fn measure_context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
         let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
         let sequences = ranges(&self.keys);
         let held_out_regression = folds
@@ -270,7 +306,11 @@ impl Scoring {
                 "there is no object {k} with keypoint {n}; expected objects below {objects}, keypoints below {keypoints}"
             )));
         }
-        let fit: Fit = self.moments.fit(n, k, settings).ok_or_else(|| {
+        let fit = self
+            .moments
+            .fit(n, k, settings)
+            .map_err(|e| self.located(e))?;
+        let fit: Fit = fit.ok_or_else(|| {
             Error::numeric(format!(
                 "object `{}` is visible in no frame: there is no map to it",
                 self.names[k]
@@ -290,7 +330,8 @@ impl Scoring {
     }
 
     /// The squared distance between object `k` and keypoint `n` under the map that `settings` fit,
-    /// in every joined frame (ndc); NaN where the object is not visible or the frame was left out.
+    /// in every joined frame (ndc); NaN where the object or the keypoint is missing or the frame was
+    /// left out.
     ///
     /// # Errors
     /// As [`Scoring::series`].
@@ -301,11 +342,11 @@ impl Scoring {
             .outer_iter()
             .zip(series.transformed_ndc.outer_iter());
         let distance = |(t, (x, z)): (usize, (ArrayView1<f64>, ArrayView1<f64>))| {
-            let counts = self
-                .keypoints
-                .index_axis(Axis(0), t)
-                .iter()
-                .all(|v| v.is_finite());
+            let frame = self.keypoints.index_axis(Axis(0), t);
+            let counts = match self.policy {
+                NonFinite::ExcludePoint => frame.row(n).iter().all(|v| v.is_finite()),
+                NonFinite::Error | NonFinite::ExcludeFrame => frame.iter().all(|v| v.is_finite()),
+            };
             if counts {
                 (x[0] - z[0]).powi(2) + (x[1] - z[1]).powi(2)
             } else {

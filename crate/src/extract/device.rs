@@ -1,20 +1,36 @@
 //! Keypoints on a device of burn, many frames at a time.
 
+#[cfg(not(target_arch = "wasm32"))]
+use std::ops::Range;
+
 use burn::prelude::{Device, Tensor, TensorData};
 use ndarray::Array3;
+#[cfg(not(target_arch = "wasm32"))]
+use rayon::prelude::*;
 
 use super::{Extraction, Extractor};
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, SaeConfig};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::data::FrameSource;
 use crate::data::{Filter, Frame};
-use crate::engine::{self, LatentGrid, finite};
+use crate::engine::{check_size, finite};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::error::Error;
 use crate::error::Result;
+#[cfg(not(target_arch = "wasm32"))]
+use crate::event::Cancel;
 use crate::model::{Encoder, points_xy, points_xy_async};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::track::FrameKey;
 
-/// An [`Extractor`] on a device of burn, a GPU for one, which is at its best with many frames at a
+/// Frames of a source that go through the encoder together.
+#[cfg(not(target_arch = "wasm32"))]
+const BATCH: usize = 16;
+
+/// An [`Extractor`] on a device of burn, such as a GPU, which is fastest with many frames at a
 /// time: [`prepare`](Self::prepare) them on the CPU, then [`run`](Self::run) them together.
 pub struct DeviceExtractor {
-    /// Knows sizes; nothing runs on it.
-    plan: engine::Encoder,
+    config: SaeConfig,
     encoder: Encoder,
     device: Device,
 }
@@ -33,10 +49,10 @@ impl DeviceExtractor {
     /// Moves the encoder of `checkpoint` to `device`.
     ///
     /// # Errors
-    /// When a tensor is missing or has another shape than its neighbours need.
+    /// When a tensor is missing or has the wrong rank.
     pub fn new(checkpoint: &Checkpoint, device: &Device) -> Result<Self> {
         Ok(Self {
-            plan: engine::Encoder::new(checkpoint)?,
+            config: checkpoint.config.clone(),
             encoder: Encoder::from_checkpoint(checkpoint, device)?,
             device: device.clone(),
         })
@@ -48,8 +64,8 @@ impl DeviceExtractor {
     /// When the frame is too small for the encoder.
     pub fn prepare(&self, frame: &Frame) -> Result<Prepared> {
         let own = [frame.width() as usize, frame.height() as usize];
-        let size = self.plan.config().input_size.unwrap_or(own);
-        self.plan.check_size(size)?;
+        let size = self.config.input_size.unwrap_or(own);
+        check_size(&self.config, size)?;
         Ok(Prepared {
             values: frame.to_planar(Some(size), Filter::BilinearAntialias),
             size,
@@ -57,15 +73,14 @@ impl DeviceExtractor {
         })
     }
 
-    /// How many frames of a size of the image, `[width, height]`, may go through the encoder
-    /// together when no tensor may take more than `tensor_limit` bytes; 0 when a single one is too
-    /// large.
+    /// How many images of `[width, height]` may go through the encoder together when no tensor may
+    /// take more than `tensor_limit` bytes; 0 when a single one is too large.
     pub fn frames_within(&self, image_size: [u32; 2], tensor_limit: u64) -> usize {
-        let config = self.plan.config();
-        let size = config
+        let size = self
+            .config
             .input_size
             .unwrap_or(image_size.map(|side| side as usize));
-        let bytes = config.largest_maps(size) as u64 * size_of::<f32>() as u64;
+        let bytes = self.config.largest_maps(size) as u64 * size_of::<f32>() as u64;
         usize::try_from(tensor_limit / bytes.max(1)).unwrap_or(usize::MAX)
     }
 
@@ -96,6 +111,28 @@ impl DeviceExtractor {
             ));
         }
         Ok(found)
+    }
+
+    /// The keypoints of the frames that could be read, and the errors of the others in their
+    /// places.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn run_readable(
+        &self,
+        frames: Vec<Result<Prepared>>,
+        keys: &[FrameKey],
+    ) -> Result<Vec<Result<Extraction>>> {
+        let mut good = Vec::with_capacity(frames.len());
+        let unreadable: Vec<Option<Error>> = frames
+            .into_iter()
+            .map(|frame| frame.map(|frame| good.push(frame)).err())
+            .collect();
+        let mut extracted = self.run(&good)?.into_iter();
+        let mut next = |key| Some(extracted.next()?.map_err(|e| e.at(key)));
+        Ok(unreadable
+            .into_iter()
+            .zip(keys)
+            .filter_map(|(error, key)| error.map(Err).or_else(|| next(key)))
+            .collect())
     }
 
     fn forward(&self, batch: &[Prepared]) -> Tensor<3> {
@@ -135,15 +172,44 @@ fn extractions(
 }
 
 impl Extractor for DeviceExtractor {
-    fn keypoints(&self) -> usize {
-        self.plan.keypoints()
+    fn config(&self) -> &SaeConfig {
+        &self.config
     }
 
-    fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
-        self.plan.grid(image_size)
-    }
-
-    fn extract_frame(&mut self, frame: &Frame) -> Result<Extraction> {
+    fn extract_frame(&self, frame: &Frame) -> Result<Extraction> {
         self.run(&[self.prepare(frame)?])?.swap_remove(0)
+    }
+
+    /// Reads and prepares a batch while the device computes the one before.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn extract_range(
+        &self,
+        source: &dyn FrameSource,
+        range: Range<usize>,
+        progress: &(dyn Fn(u64) + Sync),
+        cancel: &Cancel,
+    ) -> Result<Vec<Result<Extraction>>> {
+        let keys = source.index().keys();
+        let prepare = |batch: Range<usize>| -> Vec<Result<Prepared>> {
+            let one = |i| {
+                let frame = source.read(i)?;
+                self.prepare(&frame).map_err(|e| e.at(&keys[i]))
+            };
+            batch.into_par_iter().map(one).collect()
+        };
+        let batch = |start: usize| start..(start + BATCH).min(range.end);
+        let mut found = Vec::with_capacity(range.len());
+        let mut prepared = prepare(batch(range.start));
+        while found.len() < range.len() {
+            cancel.check()?;
+            let now = batch(range.start + found.len());
+            let next = batch(now.end);
+            let (computed, following) =
+                rayon::join(|| self.run_readable(prepared, &keys[now]), || prepare(next));
+            found.extend(computed?);
+            prepared = following;
+            progress(found.len() as u64);
+        }
+        Ok(found)
     }
 }

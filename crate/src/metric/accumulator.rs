@@ -3,6 +3,7 @@
 use ndarray::ArrayView2;
 
 use super::moments::{Moments, ObjectMoments};
+use super::scale::{ORDINARY, exponent, times_power};
 use crate::error::{Error, Reason, Result};
 
 /// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
@@ -13,11 +14,14 @@ const BLOCK: usize = 64;
 /// Keypoints handled at once; rows of the block are padded to a multiple of it.
 const LANES: usize = 4;
 
-/// What to do with a frame in which a keypoint is NaN or infinite.
+/// What to do with a frame in which a keypoint is NaN (missing) or infinite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum NonFinite {
-    /// Refuse it: a detector should not emit such points.
+    /// Leave the frame out for the keypoint that is missing, and count it. An infinite keypoint is
+    /// refused.
     #[default]
+    ExcludePoint,
+    /// Refuse it.
     Error,
     /// Leave the frame out for all keypoints, so that they stay comparable, and count it.
     ExcludeFrame,
@@ -28,10 +32,11 @@ impl std::str::FromStr for NonFinite {
 
     fn from_str(name: &str) -> Result<Self> {
         match name {
+            "exclude-point" => Ok(Self::ExcludePoint),
             "error" => Ok(Self::Error),
             "exclude-frame" => Ok(Self::ExcludeFrame),
             _ => Err(Error::input(format!(
-                "`{name}` says nothing about keypoints that are not finite; expected `error` or `exclude-frame`"
+                "`{name}` says nothing about keypoints that are not finite; expected `exclude-point`, `error` or `exclude-frame`"
             ))),
         }
     }
@@ -47,9 +52,12 @@ pub struct Accumulator {
     policy: NonFinite,
     frames: u64,
     excluded: u64,
+    missing: Vec<u64>,
     objects: Vec<ObjectMoments>,
     pending: Block,
     scratch: Centred,
+    /// For a keypoint with frames of its own.
+    alone: Option<Box<Centred>>,
 }
 
 /// Frames not yet accounted for. Keypoints as separate rows of x and y, padded to [`LANES`].
@@ -60,12 +68,20 @@ struct Block {
     keypoint: [Vec<f64>; 2],
     /// (x, y) a frame, per object; NaN where not visible.
     truth: Vec<Vec<[f64; 2]>>,
+    /// The frame and the keypoint of points that are missing; they are NaN above until the block is
+    /// accounted for.
+    missing: Vec<(usize, usize)>,
 }
 
 /// A block's frames around their mean.
 #[derive(Debug, Clone)]
 struct Centred {
     visible: Vec<usize>,
+    /// The largest magnitudes of the keypoints.
+    peak: [Vec<f64>; 2],
+    /// The keypoints of the block divided by the powers of two of their exponents, where one is
+    /// not 0.
+    scaled: [Vec<f64>; 2],
     mean: [Vec<f64>; 2],
     keypoint: [Vec<f64>; 2],
     squares: [Vec<f64>; 3],
@@ -77,28 +93,23 @@ impl Accumulator {
     /// An empty accumulator for N `keypoints` and K `objects`.
     pub fn new(keypoints: usize, objects: usize, policy: NonFinite) -> Self {
         let stride = keypoints.next_multiple_of(LANES);
-        let row = || vec![0.0; stride];
         let block = || vec![0.0; BLOCK * stride];
         Self {
             keypoints,
             policy,
             frames: 0,
             excluded: 0,
+            missing: vec![0; keypoints],
             objects: vec![ObjectMoments::new(keypoints); objects],
             pending: Block {
                 frames: 0,
                 stride,
                 keypoint: [block(), block()],
                 truth: vec![Vec::with_capacity(BLOCK); objects],
+                missing: Vec::new(),
             },
-            scratch: Centred {
-                visible: Vec::with_capacity(BLOCK),
-                mean: [row(), row()],
-                keypoint: [block(), block()],
-                squares: [row(), row(), row()],
-                truth: Vec::with_capacity(BLOCK),
-                moments: ObjectMoments::new(keypoints),
-            },
+            scratch: Centred::new(keypoints),
+            alone: None,
         }
     }
 
@@ -106,8 +117,8 @@ impl Accumulator {
     /// truth means that it is not visible in this frame, which then does not count for it.
     ///
     /// # Errors
-    /// When a shape is not (N, 2) or (K, 2), when a truth is infinite, and when a keypoint is not
-    /// finite under [`NonFinite::Error`]. The accumulator is unchanged then.
+    /// When a shape is not (N, 2) or (K, 2), when a truth is infinite, and when a keypoint is
+    /// infinite or, under [`NonFinite::Error`], NaN. The accumulator is unchanged then.
     pub fn push(&mut self, keypoints: ArrayView2<f64>, truth: ArrayView2<f64>) -> Result<()> {
         let expected = [(self.keypoints, 2), (self.objects.len(), 2)];
         if [keypoints.dim(), truth.dim()] != expected {
@@ -155,8 +166,8 @@ impl Accumulator {
                 }
             }
         }
-        if probe.iter().any(|p| p.is_nan()) {
-            return self.not_finite(keypoints);
+        if probe.iter().any(|p| p.is_nan()) && !self.takes(keypoints)? {
+            return Ok(());
         }
         for (points, point) in self.pending.truth.iter_mut().zip(truth.rows()) {
             points.push([point[0], point[1]]);
@@ -169,23 +180,35 @@ impl Accumulator {
         Ok(())
     }
 
-    fn not_finite(&mut self, keypoints: ArrayView2<f64>) -> Result<()> {
+    /// Whether a frame counts in which a keypoint is not finite. Counts what is left out.
+    fn takes(&mut self, keypoints: ArrayView2<f64>) -> Result<bool> {
+        let is_missing = |n: usize| keypoints.row(n).iter().any(|v| v.is_nan());
+        let refused = (0..self.keypoints).find(|n| match self.policy {
+            NonFinite::ExcludePoint => {
+                !is_missing(*n) && keypoints.row(*n).iter().any(|v| v.is_infinite())
+            }
+            NonFinite::Error => keypoints.row(*n).iter().any(|v| !v.is_finite()),
+            NonFinite::ExcludeFrame => false,
+        });
+        if let Some(n) = refused {
+            return Err(Error::input(format!(
+                "keypoint {n} is ({}, {}): missing or not finite; expected finite values \
+                 (`exclude-point` leaves missing points out and counts them, `exclude-frame` whole \
+                 frames)",
+                keypoints[[n, 0]],
+                keypoints[[n, 1]]
+            ))
+            .because(Reason::NonFinite { keypoint: n }));
+        }
         if self.policy == NonFinite::ExcludeFrame {
             self.excluded += 1;
-            return Ok(());
+            return Ok(false);
         }
-        let n = keypoints
-            .rows()
-            .into_iter()
-            .position(|p| p.iter().any(|v| !v.is_finite()))
-            .unwrap_or_default();
-        Err(Error::input(format!(
-            "keypoint {n} is ({}, {}): missing or not finite; expected numbers (`exclude-frame` leaves such \
-             frames out and counts them)",
-            keypoints[[n, 0]],
-            keypoints[[n, 1]]
-        ))
-        .because(Reason::NonFinite { keypoint: n }))
+        for n in (0..self.keypoints).filter(|n| is_missing(*n)) {
+            self.missing[n] += 1;
+            self.pending.missing.push((self.pending.frames, n));
+        }
+        Ok(true)
     }
 
     /// Adds the frames of another accumulator.
@@ -205,6 +228,9 @@ impl Accumulator {
         let other = other.finish();
         self.frames += other.frames;
         self.excluded += other.excluded;
+        for (mine, theirs) in self.missing.iter_mut().zip(&other.missing) {
+            *mine += theirs;
+        }
         for (mine, theirs) in self.objects.iter_mut().zip(&other.objects) {
             mine.merge(theirs);
         }
@@ -218,6 +244,7 @@ impl Accumulator {
             keypoints: self.keypoints,
             frames: self.frames,
             excluded: self.excluded,
+            missing: self.missing,
             objects: self.objects,
         }
     }
@@ -225,6 +252,7 @@ impl Accumulator {
     /// Takes the moments of the pending frames, with the widest vectors the CPU has. Lanes do not
     /// mix and nothing is fused, so the numbers are the same with every width.
     fn flush(&mut self) {
+        self.flush_partial();
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the CPU has AVX2.
@@ -232,6 +260,47 @@ impl Accumulator {
             return;
         }
         self.flush_lanes();
+    }
+
+    /// Takes the moments of the keypoints with frames of their own, and puts zeros in the place of
+    /// missing points, whose moments with the others do not count.
+    fn flush_partial(&mut self) {
+        let block = &mut self.pending;
+        let missing = std::mem::take(&mut block.missing);
+        if missing.is_empty() && self.objects.iter().all(|object| object.partial.is_empty()) {
+            return;
+        }
+        let alone = self.alone.get_or_insert_with(|| Box::new(Centred::new(1)));
+        for (object, truth) in self.objects.iter_mut().zip(&block.truth) {
+            for (_, n) in &missing {
+                object.part(*n);
+            }
+            for (n, part) in &mut object.partial {
+                let column = block.keypoint.each_ref().map(|axis| {
+                    let mut column = vec![0.0; BLOCK * LANES];
+                    for t in 0..block.frames {
+                        column[t * LANES] = axis[t * block.stride + n];
+                    }
+                    column
+                });
+                let is_seen = |t: &usize| {
+                    let point = column.each_ref().map(|axis| axis[t * LANES]);
+                    point.iter().chain(&truth[*t]).all(|v| !v.is_nan())
+                };
+                alone.visible.clear();
+                alone.visible.extend((0..block.frames).filter(is_seen));
+                if !alone.visible.is_empty() {
+                    alone.centre(&column, LANES);
+                    alone.with_truth(truth, LANES);
+                    part.merge_frames(&alone.moments);
+                }
+            }
+        }
+        for (t, n) in missing {
+            for axis in &mut block.keypoint {
+                axis[t * block.stride + n] = 0.0;
+            }
+        }
     }
 
     #[cfg(target_arch = "x86_64")]
@@ -257,7 +326,7 @@ impl Accumulator {
                     centred_for = Some(scratch.visible.clone());
                 }
                 scratch.with_truth(truth, block.stride);
-                object.merge(&scratch.moments);
+                object.merge_frames(&scratch.moments);
             }
             truth.clear();
         }
@@ -266,12 +335,68 @@ impl Accumulator {
 }
 
 impl Centred {
+    fn new(keypoints: usize) -> Self {
+        let stride = keypoints.next_multiple_of(LANES);
+        let row = || vec![0.0; stride];
+        let block = || vec![0.0; BLOCK * stride];
+        Self {
+            visible: Vec::with_capacity(BLOCK),
+            peak: [row(), row()],
+            scaled: [Vec::new(), Vec::new()],
+            mean: [row(), row()],
+            keypoint: [block(), block()],
+            squares: [row(), row(), row()],
+            truth: Vec::with_capacity(BLOCK),
+            moments: ObjectMoments::new(keypoints),
+        }
+    }
+
     /// Takes the keypoints of the visible frames around their mean, and their products.
     #[inline(always)]
     fn centre(&mut self, keypoint: &[Vec<f64>; 2], stride: usize) {
+        let keypoint = keypoint.each_ref().map(|axis| &axis[..]);
+        self.centre_as_is(keypoint, stride);
+        if self.is_ordinary() {
+            for exponents in &mut self.moments.keypoint_exponent {
+                exponents.fill(0);
+            }
+            return;
+        }
+        let scales = [0, 1].map(|axis| self.scale(axis, keypoint[axis], stride));
+        if scales != [false; 2] {
+            let scaled = std::mem::take(&mut self.scaled);
+            let chosen = [0, 1].map(|axis| {
+                if scales[axis] {
+                    &scaled[axis][..]
+                } else {
+                    keypoint[axis]
+                }
+            });
+            self.centre_as_is(chosen, stride);
+            self.scaled = scaled;
+        }
+    }
+
+    /// Whether no keypoint needs an exponent: every magnitude is at least its mean and at most that
+    /// and the root of the sum of squares. Not for zeros, whose exponent is looked up.
+    fn is_ordinary(&self) -> bool {
+        (0..2).all(|axis| {
+            let means = &self.moments.keypoint_mean[axis];
+            let values = means.iter().zip(&self.moments.keypoint_squares[2 * axis]);
+            let ordinary = |(mean, squares): (&f64, &f64)| {
+                ORDINARY.contains(&mean.abs()) && *squares < ORDINARY.end * ORDINARY.end
+            };
+            values.map(ordinary).fold(true, |all, one| all & one)
+        })
+    }
+
+    /// [`centre`](Self::centre) without exponents.
+    #[inline(always)]
+    fn centre_as_is(&mut self, keypoint: [&[f64]; 2], stride: usize) {
         let count = self.visible.len();
         let first = self.visible[0] * stride;
-        for (axis, source) in keypoint.iter().enumerate() {
+        let n = self.moments.cross[0].len();
+        for (axis, source) in keypoint.into_iter().enumerate() {
             let pivot = &source[first..first + stride];
             let mean = &mut self.mean[axis][..];
             mean.fill(0.0);
@@ -312,7 +437,6 @@ impl Centred {
             }
         }
         let moments = &mut self.moments;
-        let n = moments.cross[0].len();
         moments.frames = count as u64;
         for axis in 0..2 {
             moments.keypoint_mean[axis].copy_from_slice(&self.mean[axis][..n]);
@@ -322,27 +446,74 @@ impl Centred {
         }
     }
 
+    /// Finds the exponents of the keypoints along `axis`. Fills and chooses `scaled` if one is not
+    /// 0: zeros need no scaling.
+    fn scale(&mut self, axis: usize, source: &[f64], stride: usize) -> bool {
+        let n = self.moments.cross[0].len();
+        let peak = &mut self.peak[axis][..];
+        peak.fill(0.0);
+        for t in &self.visible {
+            for (peak, z) in peak.iter_mut().zip(&source[t * stride..(t + 1) * stride]) {
+                let z = z.abs();
+                *peak = if z > *peak { z } else { *peak };
+            }
+        }
+        let exponents = &mut self.moments.keypoint_exponent[axis];
+        let mut scaled = false;
+        for (e, peak) in exponents.iter_mut().zip(peak.iter()) {
+            *e = exponent(*peak);
+            scaled |= *e != 0 && *peak != 0.0;
+        }
+        if scaled {
+            let to = &mut self.scaled[axis];
+            to.clear();
+            to.extend_from_slice(source);
+            for row in to.chunks_exact_mut(stride) {
+                for (z, e) in row[..n].iter_mut().zip(exponents.iter()) {
+                    *z = times_power(*z, -*e);
+                }
+            }
+        }
+        scaled
+    }
+
     /// Adds the moments of one object's `truth` in the same frames.
     #[inline(always)]
     fn with_truth(&mut self, truth: &[[f64; 2]], stride: usize) {
-        let pivot = truth[self.visible[0]];
-        let count = self.visible.len() as f64;
-        let mut mean = [0.0; 2];
+        let mut peak = [0.0; 2];
         for t in &self.visible {
             for axis in 0..2 {
-                mean[axis] += truth[*t][axis] - pivot[axis];
+                let x: f64 = truth[*t][axis].abs();
+                peak[axis] = if x > peak[axis] { x } else { peak[axis] };
+            }
+        }
+        let exponents = peak.map(exponent);
+        self.truth.clear();
+        self.truth.extend(self.visible.iter().map(|t| truth[*t]));
+        for axis in (0..2).filter(|axis| exponents[*axis] != 0) {
+            for point in &mut self.truth {
+                point[axis] = times_power(point[axis], -exponents[axis]);
+            }
+        }
+        let pivot = self.truth[0];
+        let count = self.visible.len() as f64;
+        let mut mean = [0.0; 2];
+        for point in &self.truth {
+            for axis in 0..2 {
+                mean[axis] += point[axis] - pivot[axis];
             }
         }
         for axis in 0..2 {
             mean[axis] = pivot[axis] + mean[axis] / count;
         }
-        let deviation = |t: &usize| [truth[*t][0] - mean[0], truth[*t][1] - mean[1]];
-        self.truth.clear();
-        self.truth.extend(self.visible.iter().map(deviation));
+        for point in &mut self.truth {
+            *point = [point[0] - mean[0], point[1] - mean[1]];
+        }
 
         let moments = &mut self.moments;
         let outside = |t: &&usize| truth[**t].iter().any(|v| v.abs() > 1.0);
         moments.outside = self.visible.iter().filter(outside).count() as u64;
+        moments.truth_exponent = exponents;
         moments.truth_mean = mean;
         moments.truth_squares =
             [0, 1].map(|axis| self.truth.iter().map(|d| d[axis] * d[axis]).sum());

@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use ndarray::{ArrayView2, ArrayView3, Axis};
 
+use super::scale::{exponent, times_power};
 use crate::error::{Error, Result};
 
 /// Distances that count as close, as shares of the side of the image: 2 %, 6 of 128 pixels (Jakab
@@ -19,6 +20,10 @@ const SIDE: f64 = 2.0;
 /// Directions of the keypoints' joint motion with a standard deviation below this share of the
 /// largest are left out of the regression, as under [`Rank::Centred`](super::Rank::Centred).
 const BOUND: f64 = 1e-6;
+
+/// The farthest coordinate of an assignment: sums of distances up to it keep digits for distances
+/// that are close.
+pub(super) const FARTHEST: f64 = 1e9;
 
 /// One object predicted from all keypoints.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +59,8 @@ pub struct Assignment {
 /// that are fitted are predicted. Frames with a keypoint that is not finite are left out.
 ///
 /// # Errors
-/// When the numbers of frames differ.
+/// When the numbers of frames differ, or an error is beyond the range of f64
+/// ([`farthest_frame`](super::farthest_frame) finds the frame).
 pub fn regression(
     keypoints: ArrayView3<f64>,
     truth: ArrayView3<f64>,
@@ -71,20 +77,42 @@ pub fn regression(
     let usable = |t: usize| is_finite(keypoints.index_axis(Axis(0), t));
     let usable: Vec<usize> = (0..frames).filter(|t| usable(*t)).collect();
     let count = folds.map_or(1, |folds| folds.iter().max().map_or(1, |last| last + 1));
+    let scale = |values: &mut dyn Iterator<Item = f64>| {
+        let largest = values.fold(
+            0.0,
+            |largest, v| if v.abs() > largest { v.abs() } else { largest },
+        );
+        // Within the exponents of normal values, for the factor and its inverse.
+        exponent(largest).clamp(-1000, 1000)
+    };
+    let inputs = scale(
+        &mut usable
+            .iter()
+            .flat_map(|t| keypoints.index_axis(Axis(0), *t))
+            .copied(),
+    );
     let objects = (0..truth.dim().1).map(|k| {
         let seen = |t: &&usize| truth[[**t, k, 0]].is_finite() && truth[[**t, k, 1]].is_finite();
         let visible: Vec<usize> = usable.iter().filter(seen).copied().collect();
+        let outputs = [0, 1].map(|axis| scale(&mut visible.iter().map(|t| truth[[*t, k, axis]])));
         let row = |t: usize| -> DVector<f64> {
             let points = keypoints.index_axis(Axis(0), t);
             let values = points
                 .iter()
-                .copied()
-                .chain([truth[[t, k, 0]], truth[[t, k, 1]]]);
+                .map(|v| times_power(*v, -inputs))
+                .chain([0, 1].map(|axis| times_power(truth[[t, k, axis]], -outputs[axis])));
             DVector::from_iterator(points.len() + 2, values)
         };
-        regress(&visible, row, folds, count)
+        let found = regress(&visible, row, outputs, folds, count);
+        if found.error.is_some_and(|error| !error.is_finite()) {
+            return Err(Error::numeric(format!(
+                "the error of the linear regression of object {k} is too large for f64; expected \
+                 coordinates near -1 to 1 (check for outliers and the unit)"
+            )));
+        }
+        Ok(found)
     });
-    Ok(objects.collect())
+    objects.collect()
 }
 
 /// Sums over frames around a common centre: their number, of the rows, and of their products.
@@ -129,9 +157,11 @@ impl Sums {
     }
 }
 
+/// `row` gives a frame divided by powers of two: those of the last two columns are `outputs`.
 fn regress(
     visible: &[usize],
     row: impl Fn(usize) -> DVector<f64>,
+    outputs: [i32; 2],
     folds: Option<&[usize]>,
     count: usize,
 ) -> Regression {
@@ -178,7 +208,10 @@ fn regress(
             continue;
         };
         let centred = row(*t) - &centre;
-        let left = matrix * centred.rows(0, inputs) + shift - centred.rows(inputs, 2);
+        let mut left = matrix * centred.rows(0, inputs) + shift - centred.rows(inputs, 2);
+        for axis in 0..2 {
+            left[axis] = times_power(left[axis], outputs[axis]);
+        }
         frames += 1;
         sum += left.norm_squared();
         for (close, share) in close.iter_mut().zip(CLOSE) {
@@ -203,7 +236,8 @@ fn regress(
 /// trajectories that do not show them.
 ///
 /// # Errors
-/// When the numbers of frames differ.
+/// When the numbers of frames differ, or a coordinate is so large that rounding would decide who is
+/// matched with whom ([`farthest_frame`](super::farthest_frame) finds the frame).
 pub fn assignment(
     keypoints: ArrayView3<f64>,
     truth: ArrayView3<f64>,
@@ -215,6 +249,15 @@ pub fn assignment(
             "{frames} frames of keypoints and {} of ground truth cannot be matched; expected as many of both",
             truth.dim().0
         )));
+    }
+    for points in [&keypoints, &truth] {
+        let beyond = |v: &f64| v.is_finite() && v.abs() > FARTHEST;
+        if let Some(value) = points.iter().find(|v| beyond(v)) {
+            return Err(Error::numeric(format!(
+                "a coordinate is {value:e}; keypoints can be assigned to objects up to \
+                 {FARTHEST:e} (check for outliers and the unit)"
+            )));
+        }
     }
     let (mut predicted, mut actual, mut matched) = (0, 0, [0_u64; CLOSE.len()]);
     for trajectory in trajectories {

@@ -46,6 +46,8 @@ pub struct Settings {
     pub transform: Transform,
     /// When a direction counts as no motion.
     pub rank: Rank,
+    /// Whether a keypoint that is missing in more than half of an object's frames may be its best.
+    pub rare_keypoints: bool,
 }
 
 /// The metric of one detector on one recording. Fitted and scored on the same frames, as the
@@ -58,11 +60,13 @@ pub struct Evaluation {
     pub frames: u64,
     /// Frames left out because a keypoint was not finite.
     pub excluded: u64,
+    /// For every keypoint, the number of frames in which it is missing; they do not count for it.
+    pub missing: Vec<u64>,
     /// How it was scored.
     pub settings: Settings,
     /// The objects, in the order given.
     pub objects: Vec<ObjectEvaluation>,
-    /// K x N errors `e_{n,k}`; NaN for an object that is visible nowhere.
+    /// K x N errors `e_{n,k}`, each over the frames that show both; NaN where there is none.
     pub errors: Array2<f64>,
     /// The number of (keypoint, object) pairs in which the rank rule left a direction out.
     pub directions_dropped: usize,
@@ -82,7 +86,8 @@ pub struct ObjectEvaluation {
     /// The number of those frames in which it lies outside the image. They count, as in the
     /// authors' code.
     pub outside: u64,
-    /// Its best keypoint; `None` when it is visible in no frame.
+    /// Its best keypoint; `None` when it is visible in no frame, or every keypoint is missing in
+    /// more than half of them.
     pub best: Option<Best>,
 }
 
@@ -96,21 +101,26 @@ pub struct Best {
 }
 
 impl Moments {
-    /// The fitted map of keypoint `n` to object `k`, or `None` when the object is visible in no
-    /// frame.
+    /// The fitted map of keypoint `n` to object `k`, or `None` when no frame shows both.
+    ///
+    /// # Errors
+    /// When the map or its error is beyond the range of f64.
     ///
     /// # Panics
     /// When `n` or `k` is out of range.
-    pub fn fit(&self, n: usize, k: usize, settings: &Settings) -> Option<Fit> {
-        let object = &self.objects[k];
-        (object.frames > 0).then(|| map::fit(&object.pair(n), settings.transform, settings.rank))
+    pub fn fit(&self, n: usize, k: usize, settings: &Settings) -> Result<Option<Fit>> {
+        let pair = self.objects[k].pair(n);
+        (pair.frames > 0)
+            .then(|| map::fit(&pair, settings.transform, settings.rank))
+            .transpose()
     }
 
     /// Tracking errors, best keypoints and TC.
     ///
     /// # Errors
-    /// When there is no keypoint, no object or no frame, when the number of `objects` is not K, or
-    /// when a threshold is not a positive number.
+    /// When there is no keypoint, no object or no frame, when the number of `objects` is not K,
+    /// when a threshold is not a positive number, or when a map or an error is beyond the range of
+    /// f64 ([`farthest_frame`](super::farthest_frame) finds the frame).
     pub fn evaluate(&self, objects: &[Object], settings: &Settings) -> Result<Evaluation> {
         if objects.len() != self.objects.len() {
             return Err(Error::mismatch(format!(
@@ -147,12 +157,14 @@ impl Moments {
         for (k, object) in objects.iter().enumerate() {
             let mut best: Option<Best> = None;
             for n in 0..self.keypoints {
-                let Some(fit) = self.fit(n, k, settings) else {
+                let named = |e: Error| e.at(format!("keypoint {n} with object `{}`", object.name));
+                let Some(fit) = self.fit(n, k, settings).map_err(named)? else {
                     continue;
                 };
                 errors[[k, n]] = fit.error();
                 directions_dropped += usize::from(fit.direction_dropped);
-                if best.is_none_or(|b| fit.error() < b.fit.error()) {
+                let counts = settings.rare_keypoints || 2 * fit.frames >= self.objects[k].frames;
+                if counts && best.is_none_or(|b| fit.error() < b.fit.error()) {
                     best = Some(Best { keypoint: n, fit });
                 }
             }
@@ -170,6 +182,7 @@ impl Moments {
             tracking_capability: tracked as f64 / objects.len() as f64,
             frames: self.frames,
             excluded: self.excluded,
+            missing: self.missing.clone(),
             settings: *settings,
             objects: evaluated,
             errors,

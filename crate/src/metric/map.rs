@@ -3,6 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, SymmetricEigen, Vector2};
 
 use super::moments::PairMoments;
+use super::scale::{larger, non_negative, times_power};
 use crate::error::{Error, Result};
 
 /// Which map is fitted between a keypoint and an object.
@@ -131,11 +132,16 @@ impl Fit {
 
     /// The root of the mean squared distance in pixels of an image of `[width, height]`.
     pub fn rmse_px(&self, size: [u32; 2]) -> f64 {
-        let mean: f64 = (0..2)
+        let sum: f64 = (0..2)
             .map(|axis| self.squares[axis] * (f64::from(size[axis]) / 2.0).powi(2))
-            .sum::<f64>()
-            / self.frames as f64;
-        mean.sqrt()
+            .sum();
+        if sum.is_finite() {
+            return (sum / self.frames as f64).sqrt();
+        }
+        let along = |axis: usize| {
+            (self.squares[axis] / self.frames as f64).sqrt() * (f64::from(size[axis]) / 2.0)
+        };
+        along(0).hypot(along(1))
     }
 }
 
@@ -143,7 +149,11 @@ impl Fit {
 /// of variances down to about 1e-14; this stays well above.
 const CENTRED_BOUND: f64 = 1e-6;
 
-pub(super) fn fit(pair: &PairMoments, transform: Transform, rank: Rank) -> Fit {
+/// The least squares of `pair`.
+///
+/// # Errors
+/// When the map or what it leaves is beyond the range of f64.
+pub(super) fn fit(pair: &PairMoments, transform: Transform, rank: Rank) -> Result<Fit> {
     match transform {
         Transform::Identity => identity(pair),
         Transform::ScaleTranslate => scale_translate(pair, rank),
@@ -151,13 +161,18 @@ pub(super) fn fit(pair: &PairMoments, transform: Transform, rank: Rank) -> Fit {
     }
 }
 
-fn identity(m: &PairMoments) -> Fit {
+fn identity(pair: &PairMoments) -> Result<Fit> {
+    // Keypoint and object are compared as they are, and need the same exponents.
+    let [keypoint, truth] = [pair.keypoint_exponent, pair.truth_exponent];
+    let exponents = [0, 1].map(|axis| keypoint[axis].max(truth[axis]));
+    let m = pair.rescaled(exponents, exponents);
     let t = m.frames as f64;
     let own = [m.keypoint_squares[0], m.keypoint_squares[2]];
     let with = [m.cross[0], m.cross[3]];
     let squares = [0, 1].map(|axis| {
         let shift = m.truth_mean[axis] - m.keypoint_mean[axis];
-        (m.truth_squares[axis] + own[axis] - 2.0 * with[axis]).max(0.0) + t * shift * shift
+        let left = non_negative(m.truth_squares[axis] + own[axis] - 2.0 * with[axis]);
+        times_power(left + t * shift * shift, 2 * exponents[axis])
     });
     Fit {
         map: AffineMap::IDENTITY,
@@ -165,12 +180,13 @@ fn identity(m: &PairMoments) -> Fit {
         frames: m.frames,
         direction_dropped: false,
     }
+    .in_range()
 }
 
-fn scale_translate(m: &PairMoments, rank: Rank) -> Fit {
+fn scale_translate(m: &PairMoments, rank: Rank) -> Result<Fit> {
     let own = [m.keypoint_squares[0], m.keypoint_squares[2]];
     let with = [m.cross[0], m.cross[3]];
-    let widest = own[0].max(own[1]);
+    let widest = larger(own[0], own[1]);
     let mut fit = Fit {
         map: AffineMap::IDENTITY,
         squares: [0.0; 2],
@@ -182,21 +198,22 @@ fn scale_translate(m: &PairMoments, rank: Rank) -> Fit {
         let alone = PairMoments {
             keypoint_mean: [m.keypoint_mean[axis], 0.0],
             keypoint_squares: [own[axis], 0.0, 0.0],
+            truth_exponent: [m.truth_exponent[axis], 0],
             truth_mean: [m.truth_mean[axis], 0.0],
             truth_squares: [m.truth_squares[axis], 0.0],
             cross: [with[axis], 0.0, 0.0, 0.0],
             ..*m
         };
-        let solved = least_squares(&alone, rank, 2, widest);
+        let solved = least_squares(&alone, rank, 2, widest)?;
         fit.map.a[axis][axis] = solved.map.a[0][0];
         fit.map.b[axis] = solved.map.b[0];
         fit.squares[axis] = solved.squares[0];
         fit.direction_dropped |= solved.direction_dropped;
     }
-    fit
+    fit.in_range()
 }
 
-fn affine(m: &PairMoments, rank: Rank) -> Fit {
+fn affine(m: &PairMoments, rank: Rank) -> Result<Fit> {
     least_squares(m, rank, 3, f64::INFINITY)
 }
 
@@ -207,11 +224,18 @@ fn affine(m: &PairMoments, rank: Rank) -> Fit {
 /// all that the singular value decomposition of the T-row problem needs, in 3 x 3, without ever
 /// squaring the offset of the cloud from the origin. `columns` is the reference's number of columns
 /// (1 + moving axes), `widest` the largest variance the centred rule compares with.
-fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit {
+///
+/// All of it in the scale of the moments' exponents, except where the reference rule compares the
+/// keypoint with the column of ones.
+fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Result<Fit> {
     let t = m.frames as f64;
+    let exponents = Exponents {
+        truth: m.truth_exponent,
+        keypoint: m.keypoint_exponent[0],
+    };
     let [xx, xy, yy] = m.keypoint_squares;
     let eigen = SymmetricEigen::new(Matrix2::new(xx, xy, xy, yy));
-    let spread = eigen.eigenvalues.map(|d| d.max(0.0).sqrt());
+    let spread = eigen.eigenvalues.map(|d| non_negative(d).sqrt());
     let axes = eigen.eigenvectors.transpose();
     let cross = Matrix2::new(m.cross[0], m.cross[1], m.cross[2], m.cross[3]);
     // Noise of rounding in the moments, relative to where the cloud lies: not motion under any
@@ -228,13 +252,13 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
         projected.set_row(i, &(projected.row(i) * factor));
     }
     let explained = |column: usize| projected.column(column).norm_squared();
-    let left = [0, 1].map(|axis| (m.truth_squares[axis] - explained(axis)).max(0.0));
+    let left = [0, 1].map(|axis| non_negative(m.truth_squares[axis] - explained(axis)));
     let mean = Vector2::from(m.keypoint_mean);
     let moving_axes = (columns - 1) as usize;
 
     match rank {
         Rank::Centred => {
-            let bound = CENTRED_BOUND * spread.max().max(finite_root(widest));
+            let bound = CENTRED_BOUND * larger(spread.max(), finite_root(widest));
             let mut a = Matrix2::zeros();
             let mut squares = left;
             let mut kept = 0;
@@ -249,17 +273,21 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
                 }
             }
             let b = Vector2::from(m.truth_mean) - a * mean;
-            fitted(a, b, squares, m.frames, kept < moving_axes)
+            exponents.fitted(a, b, squares, m.frames, kept < moving_axes)
         }
         Rank::Reference => {
             let root = t.sqrt();
+            // The design matrix, whose first column has no exponent, divided by a power of two
+            // that keeps it in range.
+            let design = exponents.keypoint.max(0);
+            let to_design = exponents.keypoint - design;
             let mut r = Matrix3::zeros();
-            r[(0, 0)] = root;
+            r[(0, 0)] = times_power(root, -design);
             for j in 0..2 {
-                r[(0, j + 1)] = root * mean[j];
+                r[(0, j + 1)] = times_power(root * mean[j], to_design);
                 for i in 0..2 {
                     r[(i + 1, j + 1)] = if spread[i] > noise {
-                        spread[i] * axes[(i, j)]
+                        times_power(spread[i] * axes[(i, j)], to_design)
                     } else {
                         0.0
                     };
@@ -275,7 +303,8 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
             let svd = r.svd(true, true);
             let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
                 // Both factors were asked for; without them nothing is explained.
-                return fitted(Matrix2::zeros(), Vector2::zeros(), left, m.frames, true);
+                let (a, b) = (Matrix2::zeros(), Vector2::zeros());
+                return exponents.fitted(a, b, left, m.frames, true);
             };
             let rcond = f64::from(f32::EPSILON) * m.frames.max(columns) as f64;
             let bound = rcond * svd.singular_values.max();
@@ -300,7 +329,13 @@ fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Fit 
                 weights[(2, 1)],
             );
             let b = Vector2::new(weights[(0, 0)], weights[(0, 1)]);
-            fitted(a, b, squares, m.frames, kept < moving_axes + 1)
+            // The weights of all columns are in the scale of the design matrix.
+            let shift = [0, 1].map(|axis| times_power(b[axis], -design));
+            let exponents = Exponents {
+                keypoint: design,
+                ..exponents
+            };
+            exponents.fitted(a, shift.into(), squares, m.frames, kept < moving_axes + 1)
         }
     }
 }
@@ -313,20 +348,69 @@ fn finite_root(widest: f64) -> f64 {
     }
 }
 
-fn fitted(
-    a: Matrix2<f64>,
-    b: Vector2<f64>,
-    squares: [f64; 2],
-    frames: u64,
-    direction_dropped: bool,
-) -> Fit {
-    Fit {
-        map: AffineMap {
-            a: [[a[(0, 0)], a[(0, 1)]], [a[(1, 0)], a[(1, 1)]]],
-            b: [b[0], b[1]],
-        },
-        squares,
-        frames,
-        direction_dropped,
+/// The powers of two that what is fitted is in.
+#[derive(Clone, Copy)]
+struct Exponents {
+    truth: [i32; 2],
+    keypoint: i32,
+}
+
+impl Exponents {
+    /// The fit without exponents.
+    fn fitted(
+        self,
+        a: Matrix2<f64>,
+        b: Vector2<f64>,
+        squares: [f64; 2],
+        frames: u64,
+        direction_dropped: bool,
+    ) -> Result<Fit> {
+        let factor = |row: usize, column: usize| {
+            times_power(a[(row, column)], self.truth[row] - self.keypoint)
+        };
+        let fit = Fit {
+            map: AffineMap {
+                a: [0, 1].map(|row| [factor(row, 0), factor(row, 1)]),
+                b: [0, 1].map(|axis| times_power(b[axis], self.truth[axis])),
+            },
+            squares: [0, 1].map(|axis| times_power(squares[axis], 2 * self.truth[axis])),
+            frames,
+            direction_dropped,
+        };
+        for row in 0..2 {
+            let lost = |column: usize| fit.map.a[row][column].abs() < LEAST_FACTOR;
+            if a.row(row).iter().any(|v| *v != 0.0) && lost(0) && lost(1) {
+                return Err(out_of_range(
+                    "a factor of the fitted map is too small for f64",
+                ));
+            }
+        }
+        fit.in_range()
     }
+}
+
+/// Factors below this have lost digits: subnormal values have fewer.
+const LEAST_FACTOR: f64 = f64::MIN_POSITIVE;
+
+impl Fit {
+    /// The fit, if every value of it is finite.
+    fn in_range(self) -> Result<Self> {
+        let AffineMap { a, b } = self.map;
+        let map = a.iter().flatten().chain(&b);
+        if !map.copied().all(f64::is_finite) {
+            return Err(out_of_range("the fitted map is too large for f64"));
+        }
+        if !self.error_sum().is_finite() {
+            return Err(out_of_range(
+                "the sum of squared distances is too large for f64",
+            ));
+        }
+        Ok(self)
+    }
+}
+
+fn out_of_range(what: &str) -> Error {
+    Error::numeric(format!(
+        "{what}; expected coordinates near -1 to 1 (check for outliers and the unit)"
+    ))
 }

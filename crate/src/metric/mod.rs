@@ -27,21 +27,27 @@
 //! # Ok::<(), tracklens::Error>(())
 //! ```
 
+// `f64::max` and `f64::min` drop NaN, so that an overflow could pass for an error of 0.
+#![deny(clippy::disallowed_methods)]
+
 mod accumulator;
 pub mod context;
 mod evaluation;
 mod map;
 mod moments;
+mod scale;
 mod sequences;
 pub mod stats;
+mod sufficiency;
 
 pub use accumulator::{Accumulator, NonFinite};
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};
 pub use map::{AffineMap, Fit, Rank, Transform};
 pub use moments::Moments;
 pub use sequences::{Bootstrap, HeldOut, HeldOutObject, Intervals, bootstrap, deal, held_out};
+pub use sufficiency::{CHANCE, Needed, Sufficiency, sufficiency};
 
-use ndarray::ArrayView3;
+use ndarray::{ArrayView3, Axis};
 
 use crate::error::Result;
 
@@ -49,7 +55,7 @@ use crate::error::Result;
 /// call.
 ///
 /// # Errors
-/// As [`Accumulator::push`] and [`Moments::evaluate`].
+/// As [`Accumulator::push`] and [`Moments::evaluate`]; the message names the frame.
 pub fn evaluate(
     keypoints: ArrayView3<f64>,
     truth: ArrayView3<f64>,
@@ -58,8 +64,31 @@ pub fn evaluate(
     settings: &Settings,
 ) -> Result<Evaluation> {
     let mut accumulator = Accumulator::new(keypoints.dim().1, truth.dim().1, policy);
-    for (z, x) in keypoints.outer_iter().zip(truth.outer_iter()) {
-        accumulator.push(z, x)?;
+    for (t, (z, x)) in keypoints.outer_iter().zip(truth.outer_iter()).enumerate() {
+        accumulator
+            .push(z, x)
+            .map_err(|e| e.at(format!("frame {t}")))?;
     }
-    accumulator.finish().evaluate(objects, settings)
+    let evaluated = accumulator.finish().evaluate(objects, settings);
+    evaluated.map_err(|e| match farthest_frame(keypoints, truth) {
+        Some((t, value)) => e.at(format!("frame {t} (coordinate {value:e})")),
+        None => e,
+    })
+}
+
+/// The frame with the coordinate that is farthest from 0, and that coordinate, if it is beyond 1e9:
+/// where to look when scoring fails with
+/// [`ErrorKind::Numeric`](crate::error::ErrorKind::Numeric).
+pub fn farthest_frame(keypoints: ArrayView3<f64>, truth: ArrayView3<f64>) -> Option<(usize, f64)> {
+    let mut farthest: Option<(usize, f64)> = None;
+    for points in [keypoints, truth] {
+        for (t, frame) in points.axis_iter(Axis(0)).enumerate() {
+            for value in frame.iter().filter(|v| v.is_finite()) {
+                if farthest.is_none_or(|(_, found)| value.abs() > found.abs()) {
+                    farthest = Some((t, *value));
+                }
+            }
+        }
+    }
+    farthest.filter(|(_, value)| value.abs() > context::FARTHEST)
 }

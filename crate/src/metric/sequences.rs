@@ -9,6 +9,7 @@ use fastrand::Rng;
 use super::evaluation::{Object, Settings};
 use super::map::AffineMap;
 use super::moments::{Moments, PairMoments};
+use super::scale::{exponent, non_negative, times_power};
 use super::stats::percentile_interval;
 use crate::error::{Error, Result};
 
@@ -70,6 +71,9 @@ impl Moments {
         }
         self.frames += other.frames;
         self.excluded += other.excluded;
+        for (mine, theirs) in self.missing.iter_mut().zip(&other.missing) {
+            *mine += theirs;
+        }
         for (mine, theirs) in self.objects.iter_mut().zip(&other.objects) {
             mine.merge(theirs);
         }
@@ -91,7 +95,8 @@ impl Moments {
 }
 
 impl PairMoments {
-    /// The sum over the frames of the squared distance that `map` leaves.
+    /// The sum over the frames of the squared distance that `map` leaves; infinite beyond the range
+    /// of f64.
     ///
     /// From second moments, so that distances below 1e-7 of the spread of the points are rounding.
     fn left_by(&self, map: &AffineMap) -> f64 {
@@ -99,11 +104,25 @@ impl PairMoments {
         let t = self.frames as f64;
         (0..2)
             .map(|axis| {
-                let [a, c] = map.a[axis];
+                // All terms divided by one power of two, that of the largest.
+                let factor = map.a[axis].map(exponent);
+                let keypoint = self.keypoint_exponent[axis];
+                let of_map = factor[0].max(factor[1]).saturating_add(keypoint);
+                let scale = self.truth_exponent[axis]
+                    .max(of_map)
+                    .max(exponent(map.b[axis]));
+                let [a, c] = map.a[axis].map(|factor| times_power(factor, keypoint - scale));
+                let truth = self.truth_exponent[axis] - scale;
+                let cross =
+                    |keypoint_axis: usize| times_power(self.cross[axis + 2 * keypoint_axis], truth);
                 let own = a * a * xx + 2.0 * a * c * xy + c * c * yy;
-                let with = a * self.cross[axis] + c * self.cross[axis + 2];
-                let shift = map.apply(self.keypoint_mean)[axis] - self.truth_mean[axis];
-                (own - 2.0 * with + self.truth_squares[axis]).max(0.0) + t * shift * shift
+                let with = a * cross(0) + c * cross(1);
+                let [mean_x, mean_y] = self.keypoint_mean;
+                let mapped = a * mean_x + c * mean_y + times_power(map.b[axis], -scale);
+                let shift = mapped - times_power(self.truth_mean[axis], truth);
+                let own_truth = times_power(self.truth_squares[axis], 2 * truth);
+                let left = non_negative(own - 2.0 * with + own_truth) + t * shift * shift;
+                times_power(left, 2 * scale)
             })
             .sum()
     }
@@ -138,7 +157,8 @@ pub fn deal(sequences: usize, folds: usize, seed: u64) -> Result<Vec<usize>> {
 /// differ by one at most.
 ///
 /// # Errors
-/// When there are fewer than two folds, or fewer sequences than folds; as [`Moments::evaluate`].
+/// When there are fewer than two folds, or fewer sequences than folds, or an error is beyond the
+/// range of f64; as [`Moments::evaluate`].
 pub fn held_out(
     parts: &[Moments],
     folds: usize,
@@ -163,12 +183,19 @@ pub fn held_out(
         for (k, object) in evaluation.objects.iter().enumerate() {
             keypoints[k].push(object.best.map(|best| best.keypoint));
             let Some(best) = object.best else { continue };
-            let moments = &own.objects[k];
-            if moments.frames > 0 {
-                sums[k] += moments.pair(best.keypoint).left_by(&best.fit.map);
-                frames[k] += moments.frames;
+            let pair = own.objects[k].pair(best.keypoint);
+            if pair.frames > 0 {
+                sums[k] += pair.left_by(&best.fit.map);
+                frames[k] += pair.frames;
             }
         }
+    }
+    if let Some(k) = sums.iter().position(|sum| !sum.is_finite()) {
+        return Err(Error::numeric(format!(
+            "the held-out error of object `{}` is too large for f64; expected coordinates near -1 to 1 \
+             (check for outliers and the unit)",
+            objects[k].name
+        )));
     }
     let objects: Vec<HeldOutObject> = objects
         .iter()

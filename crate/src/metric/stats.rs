@@ -7,6 +7,7 @@
 
 use fastrand::Rng;
 
+use super::scale::times_power;
 use crate::error::{Error, Result};
 
 /// What box plots and tables show of one sample.
@@ -16,7 +17,7 @@ pub struct Sample {
     pub count: usize,
     /// The mean.
     pub mean: f64,
-    /// The variance with `count - 1` below; NaN of one value.
+    /// The variance with `count - 1` below; NaN of one value, and where a value is infinite.
     pub variance: f64,
     /// Minimum, quartiles and maximum; quartiles by linear interpolation, as numpy's.
     pub quartiles: [f64; 5],
@@ -26,12 +27,21 @@ impl Sample {
     /// The statistics of `values`.
     ///
     /// # Errors
-    /// When there is no value, or one is NaN.
+    /// When there is no value, one is NaN, both infinities are among them, or the variance of
+    /// finite values is beyond the range of f64.
     pub fn of(values: &[f64]) -> Result<Self> {
         let sorted = sorted(values)?;
         let count = sorted.len();
-        let mean = mean(values);
+        let mean = mean(values)?;
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+        if mean.is_finite() && !squares.is_finite() {
+            let largest = sorted[count - 1];
+            return Err(Error::numeric(format!(
+                "the variance of values from {:e} to {largest:e} is too large for f64; expected \
+                 values below 1e150",
+                sorted[0]
+            )));
+        }
         Ok(Self {
             count,
             mean,
@@ -67,18 +77,18 @@ pub fn quantile(values: &[f64], share: f64) -> Result<f64> {
 /// the values, each rounded down (`scipy.stats.trim_mean(values, 0.25)`).
 ///
 /// # Errors
-/// When there is no value, or one is NaN.
+/// When there is no value, one is NaN, or both infinities are left.
 pub fn trimmed_mean(values: &[f64]) -> Result<f64> {
     let sorted = sorted(values)?;
     let cut = sorted.len() / 4;
-    Ok(mean(&sorted[cut..sorted.len() - cut]))
+    mean(&sorted[cut..sorted.len() - cut])
 }
 
 /// The interquartile mean by quantiles: the mean of the values from the lower to the upper
 /// quartile, both included.
 ///
 /// # Errors
-/// When there is no value, or one is NaN.
+/// When there is no value, one is NaN, or both infinities are left.
 pub fn quantile_window_mean(values: &[f64]) -> Result<f64> {
     let sorted = sorted(values)?;
     let [low, high] = [0.25, 0.75].map(|share| quantile_of_sorted(&sorted, share));
@@ -87,11 +97,10 @@ pub fn quantile_window_mean(values: &[f64]) -> Result<f64> {
         .filter(|v| (low..=high).contains(v))
         .collect();
     // One or two values may have both quartiles between them.
-    Ok(if inside.is_empty() {
-        f64::midpoint(low, high)
-    } else {
-        mean(&inside)
-    })
+    if inside.is_empty() {
+        return Ok(f64::midpoint(low, high));
+    }
+    mean(&inside)
 }
 
 /// The percentile interval of `statistic` by a stratified bootstrap: in each of `resamples`, every
@@ -192,12 +201,15 @@ pub fn performance_profile(errors: &[f64], taus: &[f64]) -> Result<Vec<f64>> {
 /// (`scipy.ndimage.gaussian_filter1d`'s default).
 ///
 /// # Errors
-/// When `sigma` is not a positive number.
+/// When `sigma` is not a positive number of at most a million, or a value is NaN.
 pub fn smooth(values: &[f64], sigma: f64) -> Result<Vec<f64>> {
-    if !(sigma > 0.0 && sigma.is_finite()) {
+    if !(sigma > 0.0 && sigma <= 1e6) {
         return Err(Error::input(format!(
-            "the sigma {sigma}; expected a positive number"
+            "cannot smooth with the sigma {sigma}; expected a positive number of at most 1e6"
         )));
+    }
+    if let Some(i) = values.iter().position(|v| v.is_nan()) {
+        return Err(Error::numeric(format!("value {i} is not a number")));
     }
     let radius = (4.0 * sigma + 0.5) as isize;
     let weight = |offset: isize| (-0.5 * (offset as f64 / sigma).powi(2)).exp();
@@ -208,16 +220,38 @@ pub fn smooth(values: &[f64], sigma: f64) -> Result<Vec<f64>> {
         values[place.min(period - 1 - place) as usize]
     };
     let smoothed = |i: isize| {
-        (-radius..=radius)
-            .map(|offset| weight(offset) * at(i + offset))
-            .sum::<f64>()
-            / total
+        let sum = |scale: i32| {
+            (-radius..=radius)
+                .map(|offset| weight(offset) * times_power(at(i + offset), -scale))
+                .sum::<f64>()
+        };
+        let ordinary = sum(0);
+        if ordinary.is_finite() {
+            return ordinary / total;
+        }
+        // The weights add up to less than 2^23.
+        const ROOM: i32 = 23;
+        times_power(sum(ROOM) / total, ROOM)
     };
     Ok((0..values.len() as isize).map(smoothed).collect())
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
+/// The mean; the infinity among the values, if there is one.
+fn mean(values: &[f64]) -> Result<f64> {
+    let count = values.len() as f64;
+    let sum: f64 = values.iter().sum();
+    if sum.is_finite() {
+        return Ok(sum / count);
+    }
+    // The sum of fewer than 2^60 values divided by 2^60 is in range. Infinities stay.
+    const ROOM: i32 = 60;
+    let sum: f64 = values.iter().map(|v| times_power(*v, -ROOM)).sum();
+    if sum.is_nan() {
+        return Err(Error::numeric(
+            "positive and negative infinities have no mean; expected finite values",
+        ));
+    }
+    Ok(times_power(sum / count, ROOM))
 }
 
 fn sorted(values: &[f64]) -> Result<Vec<f64>> {
@@ -237,6 +271,13 @@ fn quantile_of_sorted(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
     let (below, above) = (place.floor(), place.ceil());
     let (low, high) = (sorted[below as usize], sorted[above as usize]);
+    if low == high {
+        return low;
+    }
+    if !(high - low).is_finite() {
+        // An infinity outweighs everything; the distance of finite values is out of range.
+        return low * (1.0 - (place - below)) + high * (place - below);
+    }
     // numpy's way of interpolating, which is exact at both ends.
     let part = place - below;
     if part < 0.5 {

@@ -3,8 +3,7 @@ use burn::prelude::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module::batch_norm;
 
-/// Added to the variance before the square root.
-const EPSILON: f64 = 1e-5;
+use crate::checkpoint::BATCH_NORM_EPSILON;
 
 /// Batch normalization with PyTorch's running statistics.
 ///
@@ -42,7 +41,7 @@ impl BatchNorm {
             self.bias.val(),
             self.running_mean.value_sync(),
             self.running_var.value_sync(),
-            EPSILON,
+            BATCH_NORM_EPSILON,
         ))
     }
 }
@@ -52,7 +51,8 @@ mod training {
     use burn::module::RunningState;
     use burn::prelude::Tensor;
 
-    use super::{BatchNorm, EPSILON};
+    use super::BatchNorm;
+    use crate::checkpoint::BATCH_NORM_EPSILON;
     use crate::model::kernels::batch_norm_relu;
 
     /// Weight of a new batch in the running statistics.
@@ -62,7 +62,12 @@ mod training {
         pub(super) fn train(&self, input: Tensor<4>) -> Tensor<4> {
             let [batch, _, height, width] = input.dims();
             let samples = (batch * height * width) as f64;
-            let result = batch_norm_relu(input, self.weight.val(), self.bias.val(), EPSILON);
+            let result = batch_norm_relu(
+                input,
+                self.weight.val(),
+                self.bias.val(),
+                BATCH_NORM_EPSILON,
+            );
             let unbiased = result.variance * (samples / (samples - 1.0).max(1.0));
             update(&self.running_mean, result.mean);
             update(&self.running_var, unbiased);

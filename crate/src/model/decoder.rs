@@ -2,8 +2,9 @@ use burn::module::{Module, Param};
 use burn::prelude::{Tensor, TensorData};
 use burn::tensor::activation::relu;
 
+use super::ConvBlock;
+use super::grid::grid;
 use super::weights::Loader;
-use super::{ConvBlock, grid};
 use crate::checkpoint::{BACKGROUND, DENSE, Family, SIGMA, SaeConfig};
 use crate::error::Result;
 

@@ -57,7 +57,7 @@ pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
 /// DenseNet (`features.conv0.weight`), else the only one of its shape: filters x 3 x side x side.
 ///
 /// # Errors
-/// When the bytes are no file of weights, or it has no such tensor, several, or one that is not
+/// When the bytes are not a file of weights, or it has no such tensor, several, or one that is not
 /// finite.
 pub fn load_first_layer(weights: &mut Checkpoint, file: &[u8]) -> Result<String> {
     const DENSENET: &str = "features.conv0.weight";
@@ -110,7 +110,7 @@ pub fn load_first_layer(weights: &mut Checkpoint, file: &[u8]) -> Result<String>
 /// `-bg`, and, for the background, the target size.
 ///
 /// # Errors
-/// When the bytes are no checkpoint, it is one of an encoder alone, or a tensor is missing, is one
+/// When the bytes are not a checkpoint, it holds only an encoder, or a tensor is missing, is one
 /// too many or has another shape.
 pub fn load_weights(weights: &mut Checkpoint, file: &[u8]) -> Result<()> {
     let trained = Checkpoint::from_bytes(file)?;

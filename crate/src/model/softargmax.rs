@@ -1,6 +1,6 @@
 use burn::prelude::{Tensor, TensorData};
 
-use super::grid;
+use super::grid::grid;
 
 /// The centre of attention of every map: softmax over the cells, then the mean of their
 /// coordinates.

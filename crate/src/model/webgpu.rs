@@ -32,7 +32,7 @@ impl WebGpu {
         let failure = Arc::new(OnceLock::new());
         let first = Arc::clone(&failure);
         // In place of a panic: a shader that is refused leaves its outputs as they were, and
-        // nothing else tells.
+        // nothing else reports it.
         setup.device.on_uncaptured_error(Arc::new(move |error| {
             // Only the first one counts.
             let _ = first.set(error.to_string());

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 pub(super) struct Loader<'a> {
     checkpoint: &'a Checkpoint,
     device: &'a Device,
-    /// Of the state dict, in order.
+    /// The names of the state dict, in order.
     names: Vec<String>,
 }
 

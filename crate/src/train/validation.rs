@@ -31,6 +31,8 @@ pub(super) struct Outcome {
     pub losses: Losses,
     /// By the map, then by the object.
     pub errors: BTreeMap<String, BTreeMap<String, Option<f64>>>,
+    /// The TC with the affine map.
+    pub tc: f64,
     /// With the affine map.
     pub evaluation: EvaluationReport,
 }
@@ -128,6 +130,7 @@ impl<'a> Validation<'a> {
         Ok(Outcome {
             losses,
             errors,
+            tc: evaluation.tracking_capability,
             evaluation: EvaluationReport::new(&evaluation, None, None),
         })
     }

@@ -68,13 +68,14 @@ pub(super) fn command(request: &Request, inputs: &Inputs, policy: NonFinite) -> 
     if policy == NonFinite::ExcludeFrame {
         words.extend(option(NON_FINITE, "exclude-frame"));
     }
-    if let Some(folds) = request.folds {
+    let folds = request.folds.filter(|folds| *folds > 0);
+    if let Some(folds) = folds {
         words.extend(option(FOLDS, &folds.to_string()));
     }
     if let Some(resamples) = request.bootstrap {
         words.extend(option(BOOTSTRAP, &resamples.to_string()));
     }
-    if request.seed != 0 && (request.folds.is_some() || request.bootstrap.is_some()) {
+    if request.seed != 0 && (folds.is_some() || request.bootstrap.is_some()) {
         words.extend(option(RESAMPLING_SEED, &request.seed.to_string()));
     }
     for (asked, name) in [(request.sequences, SEQUENCES), (request.context, CONTEXT)] {

@@ -6,7 +6,9 @@ use wasm_bindgen::prelude::*;
 
 use super::tables::{GroundTruthTable, KeypointTable, table_options};
 use super::{JsResult, js_error, to_js};
-use crate::data::{self, ArchiveIndex, FrameSource as _, NpyArray, Recording, TableOptions};
+use crate::data::{
+    self, ArchiveEntry, ArchiveIndex, FrameSource as _, NpyArray, Recording, TableOptions,
+};
 
 /// Reads the directory of a ZIP archive of `size` bytes from the last ones.
 ///
@@ -15,19 +17,8 @@ use crate::data::{self, ArchiveIndex, FrameSource as _, NpyArray, Recording, Tab
 #[wasm_bindgen(js_name = readArchive)]
 pub fn read_archive(tail: &[u8], size: f64, name: &str) -> JsResult<JsValue> {
     #[derive(Serialize)]
-    #[serde(rename_all = "camelCase")]
-    struct Entry {
-        path: String,
-        offset: u64,
-        packed: u64,
-        size: u64,
-        deflated: bool,
-        crc32: u32,
-        problem: String,
-    }
-    #[derive(Serialize)]
     struct Index {
-        entries: Option<Vec<Entry>>,
+        entries: Option<Vec<ArchiveEntry>>,
         needs: Option<u64>,
     }
     let read = ArchiveIndex::read(tail, size as u64).map_err(|e| js_error(&e.at(name)))?;
@@ -36,21 +27,10 @@ pub fn read_archive(tail: &[u8], size: f64, name: &str) -> JsResult<JsValue> {
             entries: None,
             needs: Some(start),
         },
-        ArchiveIndex::Entries(entries) => {
-            let entry = |e: data::ArchiveEntry| Entry {
-                path: e.path,
-                offset: e.offset,
-                packed: e.packed,
-                size: e.size,
-                deflated: e.deflated,
-                crc32: e.crc32,
-                problem: e.problem,
-            };
-            Index {
-                entries: Some(entries.into_iter().map(entry).collect()),
-                needs: None,
-            }
-        }
+        ArchiveIndex::Entries(entries) => Index {
+            entries: Some(entries),
+            needs: None,
+        },
     })
 }
 

@@ -4,22 +4,22 @@ use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error};
 use crate::checkpoint::Checkpoint;
-use crate::engine;
+use crate::engine::CpuDecoder;
 
 /// The decoder of a checkpoint.
-#[wasm_bindgen]
-pub struct Decoder(engine::Decoder);
+#[wasm_bindgen(js_name = Decoder)]
+pub struct JsDecoder(CpuDecoder);
 
-#[wasm_bindgen]
-impl Decoder {
+#[wasm_bindgen(js_class = Decoder)]
+impl JsDecoder {
     /// Reads the decoder of a checkpoint; undefined when it holds only an encoder.
     ///
     /// # Errors
     /// As [`Checkpoint::from_bytes`], and when a tensor of the decoder is missing.
-    pub fn open(bytes: &[u8], name: &str) -> JsResult<Option<Decoder>> {
+    pub fn open(bytes: &[u8], name: &str) -> JsResult<Option<JsDecoder>> {
         let decoder =
-            Checkpoint::from_bytes(bytes).and_then(|checkpoint| engine::Decoder::new(&checkpoint));
-        Ok(decoder.map_err(|e| js_error(&e.at(name)))?.map(Decoder))
+            Checkpoint::from_bytes(bytes).and_then(|checkpoint| CpuDecoder::new(&checkpoint));
+        Ok(decoder.map_err(|e| js_error(&e.at(name)))?.map(JsDecoder))
     }
 
     /// Width of the reconstruction.

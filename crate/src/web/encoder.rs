@@ -9,14 +9,14 @@ use wasm_bindgen::prelude::*;
 use super::{JsResult, js_error, to_js};
 use crate::checkpoint::Checkpoint;
 use crate::data::Frame;
-use crate::engine;
+use crate::engine::HeatMap;
 use crate::error::Error;
-use crate::extract::{CpuExtractor, Extractor};
+use crate::extract::{CpuExtractor, Extractor as _};
 
 /// The encoder of a checkpoint, on the CPU.
-#[wasm_bindgen]
-pub struct Encoder {
-    extractor: CpuExtractor<engine::Encoder>,
+#[wasm_bindgen(js_name = Encoder)]
+pub struct JsEncoder {
+    extractor: CpuExtractor,
     has_decoder: bool,
     metadata: BTreeMap<String, String>,
 }
@@ -29,18 +29,18 @@ pub fn extraction_memory() -> f64 {
 }
 
 /// One frame's keypoints.
-#[wasm_bindgen]
-pub struct Extraction {
+#[wasm_bindgen(js_name = Extraction)]
+pub struct JsExtraction {
     points: Vec<f64>,
     image_size: [u32; 2],
 }
 
 /// The weights behind one keypoint of a frame.
-#[wasm_bindgen]
-pub struct HeatMap(engine::HeatMap);
+#[wasm_bindgen(js_name = HeatMap)]
+pub struct JsHeatMap(HeatMap);
 
-#[wasm_bindgen]
-impl HeatMap {
+#[wasm_bindgen(js_class = HeatMap)]
+impl JsHeatMap {
     /// The number of columns.
     #[wasm_bindgen(getter)]
     pub fn width(&self) -> usize {
@@ -72,17 +72,17 @@ struct EncoderInfo<'a> {
     metadata: &'a BTreeMap<String, String>,
 }
 
-#[wasm_bindgen]
-impl Encoder {
+#[wasm_bindgen(js_class = Encoder)]
+impl JsEncoder {
     /// Reads a checkpoint: `.safetensors`, `.pth` or `.bpk`.
     ///
     /// # Errors
     /// As [`Checkpoint::from_bytes`].
     #[wasm_bindgen(constructor)]
-    pub fn new(bytes: &[u8], name: &str) -> JsResult<Encoder> {
+    pub fn new(bytes: &[u8], name: &str) -> JsResult<JsEncoder> {
         let load = || {
             let checkpoint = Checkpoint::from_bytes(bytes)?;
-            let extractor = CpuExtractor::from_checkpoint(&checkpoint)?;
+            let extractor = CpuExtractor::new(&checkpoint)?;
             Ok(Self {
                 extractor,
                 has_decoder: checkpoint.has_decoder(),
@@ -98,7 +98,7 @@ impl Encoder {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(getter)]
     pub fn info(&self) -> JsResult<JsValue> {
-        let config = self.extractor.encoder().config();
+        let config = self.extractor.config();
         let json = serde_json::to_string(config).map_err(|e| {
             js_error(&Error::input(format!(
                 "the configuration of the encoder: {e}"
@@ -119,7 +119,7 @@ impl Encoder {
     ///
     /// # Errors
     /// When the image cannot be decoded.
-    pub fn extract(&mut self, image: &[u8], name: &str) -> JsResult<Extraction> {
+    pub fn extract(&self, image: &[u8], name: &str) -> JsResult<JsExtraction> {
         let found = self
             .extractor
             .extract(image)
@@ -130,7 +130,7 @@ impl Encoder {
             .flatten()
             .map(|v| f64::from(*v))
             .collect();
-        Ok(Extraction {
+        Ok(JsExtraction {
             points,
             image_size: found.image_size,
         })
@@ -141,14 +141,14 @@ impl Encoder {
     /// # Errors
     /// When the image cannot be decoded or there is no such keypoint.
     #[wasm_bindgen(js_name = heatMap)]
-    pub fn heat_map(&mut self, image: &[u8], name: &str, keypoint: usize) -> JsResult<HeatMap> {
+    pub fn heat_map(&self, image: &[u8], name: &str, keypoint: usize) -> JsResult<JsHeatMap> {
         let map = Frame::decode(image).and_then(|frame| self.extractor.heat_map(&frame, keypoint));
-        Ok(HeatMap(map.map_err(|e| js_error(&e.at(name)))?))
+        Ok(JsHeatMap(map.map_err(|e| js_error(&e.at(name)))?))
     }
 }
 
-#[wasm_bindgen]
-impl Extraction {
+#[wasm_bindgen(js_class = Extraction)]
+impl JsExtraction {
     /// N x 2, latent space.
     #[wasm_bindgen(getter)]
     pub fn points(&self) -> Float64Array {

@@ -1,12 +1,11 @@
 //! What files are, and what belongs to all parts.
 
-use serde::Serialize;
 use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error, to_js};
 use crate::checkpoint::SaeConfig;
 use crate::error::Error;
-use crate::intake::{self, Role};
+use crate::intake;
 
 /// The version of the package.
 #[wasm_bindgen]
@@ -20,29 +19,7 @@ pub fn version() -> String {
 /// When the translation to JavaScript fails.
 #[wasm_bindgen]
 pub fn classify(path: &str, head: &[u8]) -> JsResult<JsValue> {
-    #[derive(Serialize)]
-    struct Classification {
-        role: &'static str,
-        reason: String,
-        guess: bool,
-    }
-    let found = intake::classify(path, head);
-    let role = match found.role {
-        Role::Image => "image",
-        Role::GroundTruth => "ground-truth",
-        Role::Keypoints => "keypoints",
-        Role::Checkpoint => "checkpoint",
-        Role::Recording => "recording",
-        Role::Archive => "archive",
-        Role::Video => "video",
-        Role::Result => "result",
-        Role::Unknown => "unknown",
-    };
-    to_js(&Classification {
-        role,
-        reason: found.reason,
-        guess: found.guess,
-    })
+    to_js(&intake::classify(path, head))
 }
 
 /// Places latent points of an encoder in an image of `width` x `height`; `config` as in

@@ -27,6 +27,8 @@ mod frames;
 mod gpu;
 #[cfg(feature = "web-images")]
 mod images;
+#[cfg(feature = "web-scoring")]
+mod join;
 #[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
 mod options;
 #[cfg(feature = "web-scoring")]

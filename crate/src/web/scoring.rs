@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
 use super::command::{Inputs, command};
-use super::frames::{FrameIndex, Joined, sequences_to_js};
+use super::frames::FrameIndex;
+use super::join::Joined;
 use super::options::{from_js, thresholds};
 use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
@@ -65,6 +66,7 @@ impl ScoreOptions {
             settings: Settings {
                 transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
                 rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
+                ..Settings::default()
             },
             thresholds: thresholds.map_err(|e| js_error(&e))?,
             image_size: options.image_size,
@@ -175,7 +177,7 @@ impl Scoring {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(getter)]
     pub fn sequences(&self) -> JsResult<JsValue> {
-        sequences_to_js(data::ranges(self.scoring.keys()))
+        to_js(&data::ranges(self.scoring.keys()))
     }
 
     /// The frame number of every joined frame.

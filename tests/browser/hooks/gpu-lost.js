@@ -1,3 +1,3 @@
 // The GPU worker on a device that is taken away when the page says so.
 import "./gpu-lose.js";
-import "../gpu-worker.js";
+import "../extraction/gpu-worker.js";

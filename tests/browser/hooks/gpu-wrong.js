@@ -1,4 +1,4 @@
 // The GPU worker on a device whose kernels do not run, as those of a shader that was refused: what
 // their outputs held stays.
 import "./gpu-refuse.js";
-import "../gpu-worker.js";
+import "../extraction/gpu-worker.js";

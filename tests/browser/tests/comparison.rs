@@ -130,7 +130,7 @@ async fn folders_of_runs_compare_as_in_the_terminal() {
         let number = |value: &Value| value.as_f64().expect("a number");
         let [low, high] = [0, 1].map(|end| number(&group["tc_interval"][end]));
         assert_eq!(
-            row[2],
+            row[3],
             format!("{:.3} {low:.3}–{high:.3}", number(&group["tc"]))
         );
     }
@@ -419,5 +419,68 @@ async fn several_keypoint_tables_are_runs_of_one_comparison() {
             .await,
         json!(null)
     );
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_checkpoint_on_the_example_is_compared_with_its_own_one_by_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mine = folder.path().join("mine.safetensors");
+    fs::copy(example("checkpoint.safetensors"), &mine).expect("copied");
+    let page = Page::open().await;
+    page.click("#try-example").await;
+    page.until_scored().await;
+    page.pick(&[&mine]).await;
+    until_compared(&page, 2).await;
+    let names: Vec<String> = rows(&page, "run-table")
+        .await
+        .into_iter()
+        .map(|row| row[0].clone())
+        .collect();
+    assert_eq!(names, ["checkpoint", "mine"]);
+    // Nothing says that the two differ in their seeds alone.
+    assert_eq!(
+        page.value("document.querySelector('#comparison').dataset.groups")
+            .await,
+        "2"
+    );
+    // The example is still there.
+    page.until("document.querySelectorAll('#files [data-role=checkpoint]').length === 2")
+        .await;
+    page.until("document.querySelector('.origin')").await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn extracting_for_the_comparison_shows_progress_and_can_be_cancelled() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mine = folder.path().join("mine.safetensors");
+    fs::copy(example("checkpoint.safetensors"), &mine).expect("copied");
+    let page = Page::open().await;
+    page.pick_folder(&example("frames")).await;
+    page.pick(&[
+        &example("ground_truth.csv"),
+        &example("checkpoint.safetensors"),
+    ])
+    .await;
+    page.until_scored().await;
+    page.pick(&[&mine]).await;
+    page.until_text("1 checkpoint without keypoints of these frames: mine.safetensors")
+        .await;
+    let extract = "#comparison .notice button.link";
+    // The page cancels as soon as it can, so that there is something left.
+    page.value(
+        "(new MutationObserver(() => { const cancel = document.querySelector('#compare-cancel'); \
+         if (!cancel || globalThis.__total) return; \
+         globalThis.__total = document.querySelector('#compare-extracting progress').max; cancel.click(); \
+         }).observe(document.querySelector('#comparison'), { childList: true, subtree: true }), true)",
+    )
+    .await;
+    page.click(extract).await;
+    page.until("globalThis.__total === 160").await;
+    page.until(&format!("document.querySelector('{extract}')"))
+        .await;
+    page.click(extract).await;
+    until_compared(&page, 2).await;
     page.close().await;
 }

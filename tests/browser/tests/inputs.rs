@@ -15,6 +15,11 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 in_every_browser! {
     pixels_without_frames_ask_for_the_size_of_the_images
+    frames_with_a_missing_keypoint_are_left_out_by_a_button
+    a_table_in_another_unit_is_asked_about
+    the_true_fault_of_a_file_is_named
+    an_object_of_any_name_has_its_threshold
+    a_sequence_of_loose_images_can_be_renamed
 }
 
 /// Relative, of errors: f32 convolutions differ in the last digits between native and WebAssembly
@@ -248,7 +253,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     shows(&page, &expected, ERRORS).await;
     page.until("document.querySelector('#stage').dataset.picture?.startsWith('push.npz/seq_')")
         .await;
-    page.until(&format!("{FILES}.includes('a guess')")).await;
+    page.until(&format!("{FILES}.includes('assumed')")).await;
 
     // The same arrays packed, as np.savez_compressed does, and in an archive.
     let mut stored = ZipArchive::new(fs::File::open(&npz).expect("a file")).expect("an archive");
@@ -706,7 +711,7 @@ async fn files_are_replaced_and_removed_without_starting_over() {
     let images = files_of(&example("frames"), "frames/");
     folder.put(&name, &images[0].1);
     page.pick_folder(&folder.0.path().join("frames")).await;
-    page.until_text("took the place of those with the same path")
+    page.until_text("replaced earlier images of the same path")
         .await;
     page.value("document.querySelector('#problems [data-problem=replaced] button.link').click()")
         .await;
@@ -747,7 +752,7 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
         );
     }
     page.pick(&[&folder.put("nested.zip", &nested)]).await;
-    page.until_text("lies in 3 other archives; expected at most 2")
+    page.until_text("nested in 3 other archives; expected at most 2")
         .await;
 
     // Cut short, and damaged inside.
@@ -784,7 +789,7 @@ async fn bad_archives_are_told_and_what_is_good_in_them_is_kept() {
         twice[start..start + 3].copy_from_slice(b"one");
     }
     page.pick(&[&folder.put("twice.zip", &twice)]).await;
-    page.until_text("had the path of another one in the same drop: twice.zip/one/gt.csv")
+    page.until_text("had the same path as another file in the drop: twice.zip/one/gt.csv")
         .await;
 
     // No archive at all, by its content.
@@ -879,5 +884,132 @@ async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
         .await;
     page.pick(&[&folder.put("none.mp4", &[7; 4000])]).await;
     page.until_text("none.mp4 is not a whole video").await;
+    page.close().await;
+}
+
+/// Ground truth of an object, and two keypoints near it; one of them is missing in a frame.
+fn tables_with_a_gap(object: &str) -> [String; 2] {
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+    for t in 0..40 {
+        let (s, c) = (f64::from(t) * 0.37).sin_cos();
+        truth += &format!("a,{t},{object},{},{}\n", 0.5 * s, 0.4 * c);
+        for k in 0..2 {
+            if (t, k) != (3, 1) {
+                let off = 0.02 * f64::from(k) * (f64::from(t) * 2.3).sin();
+                keypoints += &format!("a,{t},{k},{},{}\n", 0.5 * s + off, 0.4 * c);
+            }
+        }
+    }
+    [truth, keypoints]
+}
+
+/// Drops the tables and leaves the frame with the gap out.
+async fn score_without_the_gap(page: &Page, folder: &Folder, object: &str) {
+    let [truth, keypoints] = tables_with_a_gap(object);
+    let truth = folder.put("truth.csv", truth.as_bytes());
+    let keypoints = folder.put("keypoints.csv", keypoints.as_bytes());
+    page.pick(&[&truth, &keypoints]).await;
+    page.until("document.querySelector('#problems [data-problem=scoring] button.link')")
+        .await;
+    page.click("#problems [data-problem=scoring] button.link")
+        .await;
+    page.until_scored().await;
+}
+
+async fn frames_with_a_missing_keypoint_are_left_out_by_a_button(browser: Browser) {
+    let folder = Folder::new();
+    let page = Page::open_in(browser).await;
+    score_without_the_gap(&page, &folder, "cube").await;
+    page.until("document.querySelector('.card').dataset.frames === '39'")
+        .await;
+    page.until_text("1 frame left out: a keypoint is missing or not finite")
+        .await;
+    page.close().await;
+}
+
+async fn a_table_in_another_unit_is_asked_about(browser: Browser) {
+    let folder = Folder::new();
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    for t in 0..40 {
+        let (s, c) = (f64::from(t) * 0.37).sin_cos();
+        truth += &format!("a,{t},cube,{},{}\n", 128.0 + 50.0 * s, 128.0 + 40.0 * c);
+    }
+    let page = Page::open_in(browser).await;
+    page.pick(&[&folder.put("truth.csv", truth.as_bytes())])
+        .await;
+    page.until_text("truth.csv: its coordinates look like pixels")
+        .await;
+    page.click("#problems [data-problem='reading truth.csv'] button.link")
+        .await;
+    page.until("document.querySelector('#files [data-role=ground-truth] [name=image-width]')")
+        .await;
+    page.close().await;
+}
+
+async fn the_true_fault_of_a_file_is_named(browser: Browser) {
+    let folder = Folder::new();
+    let [truth, _] = tables_with_a_gap("cube");
+    let utf16: Vec<u8> = [0xfeff]
+        .into_iter()
+        .chain(truth.encode_utf16())
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    let page = Page::open_in(browser).await;
+    for (name, content, fault) in [
+        (
+            "wide.csv",
+            utf16,
+            "wide.csv is text in UTF-16; save it as UTF-8",
+        ),
+        ("nothing.csv", Vec::new(), "nothing.csv is empty"),
+    ] {
+        page.pick(&[&folder.put(name, &content)]).await;
+        page.until_text(fault).await;
+        page.click("#start-over").await;
+    }
+    page.close().await;
+}
+
+async fn an_object_of_any_name_has_its_threshold(browser: Browser) {
+    let folder = Folder::new();
+    let page = Page::open_in(browser).await;
+    score_without_the_gap(&page, &folder, "__proto__").await;
+    let threshold = "document.querySelector('.card').dataset.threshold";
+    let default = page.value(threshold).await;
+    let field = "document.querySelector('.card input[type=number]')";
+    assert_eq!(page.value(&format!("{field}.value")).await, default);
+    page.value(&format!(
+        "({field}.value = '0.5', {field}.dispatchEvent(new Event('input')), true)"
+    ))
+    .await;
+    page.until(&format!("{threshold} === '0.5'")).await;
+    page.click(".card .threshold .link").await;
+    page.until(&format!("{threshold} === {default}")).await;
+    page.close().await;
+}
+
+async fn a_sequence_of_loose_images_can_be_renamed(browser: Browser) {
+    let folder = Folder::new();
+    let frames = files_of(&example("frames"), "");
+    let images: Vec<PathBuf> = frames[..2]
+        .iter()
+        .enumerate()
+        .map(|(t, (_, content))| folder.put(&format!("frame_{t}.png"), content))
+        .collect();
+    let page = Page::open_in(browser).await;
+    page.pick(&[&images[0], &images[1]]).await;
+    page.until("document.querySelector('#files [data-role=image]')")
+        .await;
+    page.click("#files [data-key=sequences] summary").await;
+    let field = "document.querySelector('#files input.row-name')";
+    page.until(field).await;
+    page.value(&format!(
+        "({field}.value = 'seq_7', {field}.dispatchEvent(new Event('change')), true)"
+    ))
+    .await;
+    page.until(&format!("{field}?.value === 'seq_7'")).await;
+    page.until("document.querySelector('#files [data-role=image] .file-name').textContent.startsWith('seq_7/')")
+        .await;
     page.close().await;
 }

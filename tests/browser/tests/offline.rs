@@ -154,7 +154,7 @@ async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     // Half a deployment: the list names another content than the server has. The old version stays.
     change(
         &site_copy,
-        "style.css",
+        "ui/base.css",
         ":root {",
         "\n:root {",
         "something else",
@@ -173,12 +173,12 @@ async fn a_newer_version_comes_as_a_whole_and_when_the_user_agrees() {
     );
 
     // The whole of it, with another change.
-    let style = fs::read_to_string(site_copy.join("style.css")).expect("a style");
-    change(&site_copy, "style.css", "\n:root {", ":root {", &style);
+    let style = fs::read_to_string(site_copy.join("ui/base.css")).expect("a style");
+    change(&site_copy, "ui/base.css", "\n:root {", ":root {", &style);
     change(&site_copy, "index.html", old, new, &index);
     // A deployment of a later time: hosts tell changes apart by the second.
     let later = SystemTime::now() + Duration::from_secs(10);
-    for name in ["style.css", "index.html", "service-worker.js"] {
+    for name in ["ui/base.css", "index.html", "service-worker.js"] {
         let file = fs::File::options().append(true).open(site_copy.join(name));
         file.and_then(|file| file.set_modified(later))
             .expect("dated");

@@ -278,6 +278,34 @@ async fn an_extraction_can_be_cancelled_and_goes_on() {
     page.close().await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn the_frames_done_can_be_scored_after_cancelling() {
+    let page = Page::open().await;
+    page.value(
+        "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
+         if (place.dataset.status === 'running' && Number(place.dataset.done) >= 60 && !globalThis.__cancelled) { \
+         globalThis.__cancelled = true; document.querySelector('#cancel').click(); } }) \
+         .observe(place, { attributes: true, childList: true, subtree: true }); })()",
+    )
+    .await;
+    page.click("#try-example").await;
+    page.until("document.querySelector('#score-partial')").await;
+    let done = page
+        .number("document.querySelector('#extraction').dataset.done")
+        .await;
+    page.click("#score-partial").await;
+    page.until_scored().await;
+    let frames = "document.querySelector('.card').dataset.frames";
+    assert_eq!(page.number(frames).await, done);
+    page.until_text(&format!("The score is of {done} of 160 frames"))
+        .await;
+    page.click("#extract").await;
+    page.until(&format!("{frames} === '160'")).await;
+    page.until("document.querySelector('#extraction').hidden")
+        .await;
+    page.close().await;
+}
+
 /// A folder with a ground truth and keypoints of 40 frames.
 fn tables() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");

@@ -40,7 +40,7 @@ const WATCHED: &str = r#"
 /// `__run(onReport)` extracts the example's frames with the page's own pool and returns what was
 /// reported, in order.
 const RUN: &str = r#"
-  const { WorkerPool } = await import(new URL("extraction-pool.js", location.href));
+  const { WorkerPool } = await import(new URL("extraction/pool.js", location.href));
   const get = async (path) => ({ path, blob: await (await fetch(`example/${path}`)).blob() });
   const manifest = await (await fetch("example/manifest.json")).json();
   const frames = await Promise.all(manifest.frames.map(get));

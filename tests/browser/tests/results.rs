@@ -211,7 +211,7 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
         facts[0]
             .as_str()
             .expect("text")
-            .starts_with("On the frames fitted on")
+            .starts_with("Fitted on the same frames")
             && facts[1]
                 .as_str()
                 .expect("text")
@@ -225,7 +225,7 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
     let beside = beside.as_str().expect("text");
     assert!(
         beside.starts_with(&format!(
-            "On the frames fitted on {fitted:.2}, 95 % interval"
+            "Fitted on the same frames: {fitted:.2}, 95 % interval"
         )),
         "{beside}"
     );
@@ -233,7 +233,7 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
     catch_files(&page).await;
     let file = saved(&page, "#save-evaluation", "evaluation.json").await;
     let ours: Value = serde_json::from_str(file["text"].as_str().expect("text")).expect("JSON");
-    assert_eq!(ours["schema"], "tracklens/evaluation/2");
+    assert_eq!(ours["schema"], "tracklens/evaluation/3");
     // f32 keypoints differ in the last digits between native and WebAssembly kernels.
     for (ours, theirs) in [
         (&ours["intervals"]["tc"], &result["intervals"]["tc"]),

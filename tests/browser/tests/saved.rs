@@ -53,7 +53,12 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
     let shown = page
         .number("document.querySelector('.tc-value').dataset.tc")
         .await;
-    assert_eq!(json!(shown), saved["held_out"]["tc"]);
+    assert_eq!(json!(shown), saved["tc"]);
+    let held_out = saved["held_out"]["tc"].as_f64().expect("a number");
+    page.until(&format!(
+        "document.querySelector('#tc-interval').textContent.includes('(4 folds): {held_out:.2}')"
+    ))
+    .await;
     let objects = saved["objects"].as_array().expect("objects");
     for (key, field) in [
         ("error", "error"),
@@ -267,7 +272,7 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     };
     let newer = saved
         .to_string()
-        .replace("tracklens/evaluation/2", "tracklens/evaluation/9");
+        .replace("tracklens/evaluation/3", "tracklens/evaluation/9");
     let cut = saved.to_string();
     let files = [
         put("newer.json", newer),
@@ -282,7 +287,7 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     page.until_text("the evaluation has the schema tracklens/evaluation/9")
         .await;
     page.until_text(
-        "reads up to tracklens/evaluation/2. Use the version of tracklens that wrote it",
+        "reads up to tracklens/evaluation/3. Use the version of tracklens that wrote it",
     )
     .await;
     page.pick(&[&files[1], &files[2], &good]).await;

@@ -6,7 +6,8 @@ use minicbor::data::Type;
 use minicbor::decode::Error as CborError;
 use minicbor::{Decoder, Encoder};
 
-use super::{Contents, Element, count, is_counter, not_float};
+use super::contents::Contents;
+use super::element::{Element, count, is_counter, not_float};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 
@@ -21,7 +22,7 @@ const ALIGNMENT: usize = 256;
 /// What the file says about a tensor.
 #[derive(Default)]
 struct Entry<'a> {
-    /// Empty for types that are not told by a name alone, such as quantised ones.
+    /// Empty for types that need more than a name, such as quantised ones.
     dtype: &'a str,
     shape: Vec<usize>,
     /// From the start of the data.
@@ -50,7 +51,7 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         .get(HEADER..end)
         .ok_or_else(|| damaged(&"the description is cut"))?;
     let (entries, metadata) = describe(description)
-        .map_err(|_| damaged(&"the description is no CBOR of the kind burn writes"))?;
+        .map_err(|_| damaged(&"the description is not CBOR as burn writes it"))?;
     let data = bytes
         .get(end.next_multiple_of(ALIGNMENT)..)
         .unwrap_or_default();

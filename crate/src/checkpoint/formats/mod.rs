@@ -2,15 +2,19 @@
 //! name.
 //!
 //! All are read here rather than with `pytorch-reader` and `burn-pack`: those add 170 KB and 120 KB
-//! (gzipped) to the page's module, and neither tells the configuration that the authors save beside
+//! (gzipped) to the page's module, and neither gives the configuration that the authors save with
 //! the weights. The tests hold these readers against them.
 
 mod burnpack;
+mod contents;
+mod element;
 mod pickle;
 mod pytorch;
 mod safetensors;
 
 use std::collections::BTreeMap;
+
+pub(super) use contents::Contents;
 
 use super::Tensor;
 use crate::error::{Error, Result};
@@ -25,13 +29,6 @@ pub enum Format {
     PyTorch,
     /// burn's `.bpk`.
     Burnpack,
-}
-
-/// What a file holds: weights by name, and what it says about itself.
-#[derive(Debug)]
-pub(super) struct Contents {
-    pub tensors: BTreeMap<String, Tensor>,
-    pub metadata: BTreeMap<String, String>,
 }
 
 impl Format {
@@ -130,61 +127,4 @@ fn unknown(bytes: &[u8]) -> Error {
         "not a checkpoint ({} bytes); expected .safetensors, PyTorch's .pth or burn's .bpk",
         bytes.len()
     ))
-}
-
-/// What the elements of a stored tensor are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Element {
-    F64,
-    F32,
-    F16,
-    Bf16,
-}
-
-impl Element {
-    fn size(self) -> usize {
-        match self {
-            Self::F64 => 8,
-            Self::F32 => 4,
-            Self::F16 | Self::Bf16 => 2,
-        }
-    }
-
-    fn read(self, bytes: &[u8]) -> f32 {
-        match (self, bytes) {
-            (Self::F64, &[a, b, c, d, e, f, g, h]) => {
-                f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32
-            }
-            (Self::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
-            (Self::F16, &[a, b]) => half::f16::from_le_bytes([a, b]).to_f32(),
-            (Self::Bf16, &[a, b]) => half::bf16::from_le_bytes([a, b]).to_f32(),
-            _ => f32::NAN,
-        }
-    }
-
-    /// The values of little-endian `bytes`, which are a whole number of elements.
-    fn floats(self, bytes: &[u8]) -> Vec<f32> {
-        bytes
-            .chunks_exact(self.size())
-            .map(|b| self.read(b))
-            .collect()
-    }
-}
-
-/// Whether a tensor only counts, e.g. the steps of a batch norm.
-fn is_counter(name: &str) -> bool {
-    name.ends_with("num_batches_tracked")
-}
-
-fn not_float(name: &str, found: &dyn std::fmt::Display) -> Error {
-    Error::input(format!(
-        "tensor `{name}` is {found}; expected floating-point weights (F64, F32, F16 or BF16)"
-    ))
-}
-
-/// The number of elements of a shape.
-fn count(shape: &[usize]) -> Option<usize> {
-    shape
-        .iter()
-        .try_fold(1usize, |n, side| n.checked_mul(*side))
 }

@@ -9,8 +9,20 @@ use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
 
-/// The place of a value in its [`Pickle`]. Values may hold each other in circles.
+/// The index of a value in its [`Pickle`]. Values may hold each other in circles.
 pub type Id = usize;
+
+/// Values that a pickle may have. The pickle of a checkpoint has a few thousand; a byte makes a
+/// value that takes 40.
+const MOST_VALUES: usize = 1 << 19;
+/// Bytes of class names for each byte of the pickle, since a pickle may put one name together many
+/// times.
+const NAMES: usize = 16;
+/// What the JSON of one value may cost: a byte of text costs 1, a value [`VALUE`].
+const MOST_OF_ONE: usize = 1 << 19;
+/// What the JSON of all values of a pickle may cost.
+const MOST_OF_ALL: usize = 1 << 22;
+const VALUE: usize = 16;
 
 /// A value.
 #[derive(Debug)]
@@ -28,7 +40,8 @@ pub enum Node {
     Global(String),
     /// What a class or function would make of its arguments, with the state it would be given then.
     Object {
-        class: String,
+        /// A [`Node::Global`].
+        class: Id,
         arguments: Id,
         state: Option<Id>,
     },
@@ -60,8 +73,14 @@ impl Pickle {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: HashMap::new(),
+            names_left: bytes.len().saturating_mul(NAMES),
         };
         let root = machine.run().ok_or_else(|| {
+            if machine.nodes.len() >= MOST_VALUES {
+                return Error::input(format!(
+                    "the pickle has more than {MOST_VALUES} values besides the weights; save only model.state_dict()"
+                ));
+            }
             let position = machine.position.saturating_sub(1);
             let code = bytes.get(position).copied().unwrap_or_default();
             Error::input(format!(
@@ -126,23 +145,28 @@ impl Pickle {
         }
     }
 
-    /// A value as JSON, OmegaConf's containers as what they contain; `None` when it is larger than
-    /// a configuration.
-    pub fn json(&self, id: Id) -> Option<Value> {
-        let mut left = 20_000;
-        self.json_within(id, 64, &mut left)
+    /// The name of the class of an object.
+    pub fn class(&self, object: Id) -> Option<&str> {
+        match self.node(object) {
+            Node::Object { class, .. } => match self.node(*class) {
+                Node::Global(name) => Some(name),
+                _ => None,
+            },
+            _ => None,
+        }
     }
 
     /// `left` ends what repeats itself, `depth` what holds itself.
     fn json_within(&self, id: Id, depth: usize, left: &mut usize) -> Option<Value> {
         let depth = depth.checked_sub(1)?;
-        *left = left.checked_sub(1)?;
+        pay(left, VALUE)?;
+        let mut paid = |text: &str| pay(left, text.len()).map(|()| text.to_owned());
         Some(match self.node(id) {
             Node::None | Node::Other => Value::Null,
             Node::Bool(value) => (*value).into(),
             Node::Int(value) => (*value).into(),
             Node::Float(value) => (*value).into(),
-            Node::Text(text) => text.as_str().into(),
+            Node::Text(text) => paid(text)?.into(),
             Node::List(items) => items
                 .iter()
                 .map(|item| self.json_within(*item, depth, left))
@@ -152,7 +176,10 @@ impl Pickle {
                 let mut map = Map::new();
                 for (key, value) in entries {
                     let key = match self.node(*key) {
-                        Node::Text(text) => text.clone(),
+                        Node::Text(text) => {
+                            pay(left, text.len())?;
+                            text.clone()
+                        }
                         Node::Int(number) => number.to_string(),
                         _ => continue,
                     };
@@ -160,17 +187,58 @@ impl Pickle {
                 }
                 map.into()
             }
-            Node::Global(name) => name.as_str().into(),
-            Node::Object { class, state, .. } => {
+            Node::Global(name) => paid(name)?.into(),
+            Node::Object { state, .. } => {
                 let inner =
                     state.and_then(|state| self.get(state, "_content").or(self.get(state, "_val")));
                 match inner {
                     Some(inner) => self.json_within(inner, depth, left)?,
-                    None => class.as_str().into(),
+                    None => paid(self.class(id)?)?.into(),
                 }
             }
             Node::Persistent(_) => Value::Null,
         })
+    }
+}
+
+/// Takes `cost` from what is left; `None`, and nothing taken, when there is less.
+fn pay(left: &mut usize, cost: usize) -> Option<()> {
+    *left = left.checked_sub(cost)?;
+    Some(())
+}
+
+/// Values of a [`Pickle`] as JSON, within a budget for all of them: values that share their parts
+/// make JSON of any size from a small file.
+pub struct ToJson<'a> {
+    pickle: &'a Pickle,
+    left: usize,
+}
+
+impl<'a> ToJson<'a> {
+    pub fn new(pickle: &'a Pickle) -> Self {
+        Self {
+            pickle,
+            left: MOST_OF_ALL,
+        }
+    }
+
+    /// A value as JSON, OmegaConf's containers as what they contain; `None` when it is larger than
+    /// a configuration.
+    ///
+    /// # Errors
+    /// When the values so far are larger than those of any checkpoint.
+    pub fn value(&mut self, id: Id) -> Result<Option<Value>> {
+        let most = MOST_OF_ONE.min(self.left);
+        let mut left = most;
+        let value = self.pickle.json_within(id, 64, &mut left);
+        self.left -= most - left;
+        if value.is_none() && most < MOST_OF_ONE {
+            return Err(Error::input(format!(
+                "the values saved with the weights make more than {MOST_OF_ALL} bytes; the file is damaged, or save only \
+                 model.state_dict()"
+            )));
+        }
+        Ok(value)
     }
 }
 
@@ -184,6 +252,8 @@ struct Machine<'a> {
     /// Heights of the stack.
     marks: Vec<usize>,
     memo: HashMap<usize, Id>,
+    /// Bytes that names made of two texts may still take.
+    names_left: usize,
 }
 
 impl<'a> Machine<'a> {
@@ -301,19 +371,19 @@ impl<'a> Machine<'a> {
     /// What a class or function makes of arguments: containers and parameters are what they hold.
     fn make(&mut self) -> Option<()> {
         let (arguments, class) = (self.stack.pop()?, self.stack.pop()?);
-        let (Node::Global(class), Node::List(items)) = (&self.nodes[class], &self.nodes[arguments])
+        let (Node::Global(name), Node::List(items)) = (&self.nodes[class], &self.nodes[arguments])
         else {
             self.push(Node::Other);
             return Some(());
         };
-        let node = match class.as_str() {
+        let node = match name.as_str() {
             "collections.OrderedDict" | "collections.defaultdict" => Node::Dict(Vec::new()),
             "torch._utils._rebuild_parameter" => {
                 self.stack.push(*items.first()?);
                 return Some(());
             }
             _ => Node::Object {
-                class: class.clone(),
+                class,
                 arguments,
                 state: None,
             },
@@ -324,6 +394,9 @@ impl<'a> Machine<'a> {
 
     fn run(&mut self) -> Option<Id> {
         loop {
+            if self.nodes.len() >= MOST_VALUES {
+                return None;
+            }
             let code = self.array::<1>()?[0];
             match code {
                 // PROTO, FRAME
@@ -429,6 +502,7 @@ impl<'a> Machine<'a> {
                     else {
                         return None;
                     };
+                    pay(&mut self.names_left, module.len() + 1 + name.len())?;
                     let name = format!("{module}.{name}");
                     self.push(Node::Global(name));
                 }

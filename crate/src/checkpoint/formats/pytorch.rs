@@ -1,6 +1,7 @@
 //! What `torch.save` writes: a ZIP archive of stored entries, `…/data.pkl` with everything but the
-//! numbers of the tensors, which are in `…/data/0` and so on.
+//! values of the tensors, which are in `…/data/0` and so on.
 
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write as _;
 
@@ -8,14 +9,17 @@ use rawzip::{
     CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipArchiveWriter, ZipSliceArchive,
 };
 
-use super::pickle::{Id, Node, Pickle};
-use super::{Contents, Element, count, is_counter, not_float};
+use serde_json::Value;
+
+use super::contents::Contents;
+use super::element::{Element, count, is_counter, not_float};
+use super::pickle::{Id, Node, Pickle, ToJson};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 
 /// Where training scripts put the weights in what they save; the authors' is the first.
 const WEIGHTS: [&str; 4] = ["model_state_dict", "state_dict", "model", "weights"];
-/// What is saved beside the weights and of no use without the script.
+/// Entries saved with the weights that are of no use without the script.
 const STATES: [&str; 3] = ["optimizer", "scheduler", "scaler"];
 /// A pickle of a checkpoint has tens of kilobytes; this bounds the memory that a made-up one takes.
 const LARGEST_PICKLE: usize = 16 << 20;
@@ -30,7 +34,7 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let stored = archive.entry("data.pkl")?;
     if stored.len() > LARGEST_PICKLE {
         return Err(Error::input(format!(
-            "the pickle has {} bytes beside the weights; expected at most {LARGEST_PICKLE}: save only \
+            "the pickle has {} bytes besides the weights; expected at most {LARGEST_PICKLE}: save only \
              model.state_dict()",
             stored.len()
         )));
@@ -41,6 +45,8 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     // Several tensors may lie in the same bytes, so that a small file could ask for any amount of
     // memory.
     let mut left = bytes.len().saturating_mul(8);
+    // Each is checked against its sum once.
+    let mut storages = HashMap::new();
     for (key, value) in pickle.entries(weights) {
         let Some(name) = pickle.text(*key) else {
             continue;
@@ -51,7 +57,15 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         let Some(tensor) = View::of(&pickle, *value, name)? else {
             continue;
         };
-        let tensor = tensor.read(&archive, name)?;
+        let stored = match storages.entry(tensor.storage) {
+            Entry::Occupied(stored) => *stored.get(),
+            Entry::Vacant(place) => *place.insert(
+                archive
+                    .entry(&format!("data/{}", tensor.storage))
+                    .map_err(|e| e.at(format_args!("tensor `{name}`")))?,
+            ),
+        };
+        let tensor = tensor.read(stored, name)?;
         left = left.checked_sub(4 * tensor.data.len()).ok_or_else(|| {
             Error::input(format!(
                 "the tensors up to `{name}` are many times as large as the file; the file is damaged"
@@ -60,6 +74,7 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         tensors.insert(name.to_owned(), tensor);
     }
     let mut metadata = BTreeMap::new();
+    let mut json = ToJson::new(&pickle);
     if weights != pickle.root() {
         for (key, value) in pickle.entries(pickle.root()) {
             let Some(name) = pickle.text(*key) else {
@@ -68,16 +83,12 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
             if *value == weights || STATES.iter().any(|state| name.contains(state)) {
                 continue;
             }
-            let text = match pickle.node(*value) {
-                Node::Text(text) => Some(text.clone()),
-                _ => pickle
-                    .json(*value)
-                    .filter(|json| !json.is_null())
-                    .map(|json| json.to_string()),
+            let text = match (pickle.node(*value), json.value(*value)?) {
+                (_, None | Some(Value::Null)) => continue,
+                (Node::Text(_), Some(Value::String(text))) => text,
+                (_, Some(json)) => json.to_string(),
             };
-            if let Some(text) = text {
-                metadata.insert(name.to_owned(), text);
-            }
+            metadata.insert(name.to_owned(), text);
         }
     }
     Ok(Contents { tensors, metadata })
@@ -86,15 +97,14 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
 /// The dictionary that holds the weights.
 fn weights(pickle: &Pickle) -> Result<Id> {
     let root = pickle.root();
-    if let Node::Object { class, .. } = pickle.node(root) {
+    if let Some(class) = pickle.class(root) {
         return Err(Error::input(format!(
             "a whole `{class}` rather than its weights; save model.state_dict() instead"
         )));
     }
     let holds_tensors = |dict: Id| {
         let mut entries = pickle.entries(dict).iter();
-        entries
-            .any(|(_, value)| matches!(pickle.node(*value), Node::Object { class, .. } if is_tensor(class)))
+        entries.any(|(_, value)| pickle.class(*value).is_some_and(is_tensor))
     };
     let named = WEIGHTS.iter().filter_map(|key| pickle.get(root, key));
     let mut candidates = named.chain([root]);
@@ -129,11 +139,9 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// `None` for what is no tensor.
+    /// `None` for what is not a tensor.
     fn of(pickle: &'a Pickle, id: Id, name: &str) -> Result<Option<Self>> {
-        let Node::Object {
-            class, arguments, ..
-        } = pickle.node(id)
+        let (Node::Object { arguments, .. }, Some(class)) = (pickle.node(id), pickle.class(id))
         else {
             return Ok(None);
         };
@@ -187,10 +195,7 @@ impl<'a> View<'a> {
         }))
     }
 
-    fn read(self, archive: &Archive, name: &str) -> Result<Tensor> {
-        let stored = archive
-            .entry(&format!("data/{}", self.storage))
-            .map_err(|e| e.at(format_args!("tensor `{name}`")))?;
+    fn read(self, stored: &[u8], name: &str) -> Result<Tensor> {
         let size = self.element.size();
         let available = stored.len() / size;
         let outside = || {
@@ -262,10 +267,10 @@ fn strides(shape: &[usize]) -> Vec<usize> {
 /// The entries of a ZIP archive, by their names without the folder that all are in.
 struct Archive<'a> {
     zip: ZipSliceArchive<&'a [u8]>,
-    entries: HashMap<String, Entry>,
+    entries: HashMap<String, Stored>,
 }
 
-struct Entry {
+struct Stored {
     place: ZipArchiveEntryWayfinder,
     is_stored: bool,
     crc32: u32,
@@ -288,7 +293,7 @@ impl<'a> Archive<'a> {
             let Some((_, name)) = path.split_once('/') else {
                 continue;
             };
-            let found = Entry {
+            let found = Stored {
                 place: entry.wayfinder(),
                 is_stored: entry.compression_method() == CompressionMethod::STORE,
                 crc32: entry.crc32(),
@@ -319,7 +324,7 @@ impl<'a> Archive<'a> {
             Error::input(format!("the archive's entry `{name}` cannot be read: {e}"))
         })?;
         let bytes = found.data();
-        // torch.save can be told to leave the sums out; they are 0 then. (rawzip's own sum would
+        // torch.save can leave the sums out; they are 0 then. (rawzip's own sum would
         // bring 16 KB of tables into the page; the PNG decoder brings these anyway.)
         if entry.crc32 != 0 && crc32fast::hash(bytes) != entry.crc32 {
             return Err(Error::input(format!(

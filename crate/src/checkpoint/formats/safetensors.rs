@@ -6,7 +6,8 @@ use std::collections::{BTreeMap, HashMap};
 use safetensors::tensor::{Dtype, SafeTensors, View};
 use serde_json::{Map, Value};
 
-use super::{Contents, Element, is_counter, not_float};
+use super::contents::Contents;
+use super::element::{Element, is_counter, not_float};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 

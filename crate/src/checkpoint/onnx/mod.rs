@@ -8,7 +8,7 @@ use proto::{
     TensorType, Type, ValueInfo,
 };
 
-use super::{Checkpoint, TEMPERATURE, Tensor};
+use super::{BATCH_NORM_EPSILON, Checkpoint, TEMPERATURE, Tensor};
 use crate::error::Result;
 
 const FLOAT: i32 = 1;
@@ -134,7 +134,7 @@ impl Checkpoint {
                     ".norm",
                     "BatchNormalization",
                     parts,
-                    vec![float("epsilon", 1e-5)],
+                    vec![float("epsilon", BATCH_NORM_EPSILON as f32)],
                 );
             }
             if layer.norm.is_some() {

@@ -139,7 +139,7 @@ pub struct Dimension {
 pub enum Extent {
     #[prost(int64, tag = "1")]
     Value(i64),
-    /// The name of an extent that is told when the model runs.
+    /// The name of an extent that is known when the model runs.
     #[prost(string, tag = "2")]
     Parameter(String),
 }

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::rows::{Raw, Row, Sequences};
-use crate::data::names::last_number;
+use crate::data::names::{cleaned, last_number};
 use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
@@ -133,6 +133,7 @@ pub fn read(text: &str) -> Result<Raw> {
             if let Some(track) = &track {
                 name = format!("{track}/{name}");
             }
+            let name = cleaned(&name).into_owned();
             let number = *numbers.entry(name.clone()).or_insert_with(|| {
                 points.push(name);
                 points.len() - 1

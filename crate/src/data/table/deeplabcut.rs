@@ -7,7 +7,7 @@
 
 use super::fields::{Delimited, coordinate, wrong_field};
 use super::rows::{Raw, Row, Sequences};
-use crate::data::names::last_number;
+use crate::data::names::{cleaned, last_number};
 use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
@@ -67,8 +67,8 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         let part = bodyparts.get(i).unwrap_or_default();
         let name = match individuals.and_then(|record| record.get(i)) {
             // What belongs to no animal, or to the only one.
-            None | Some("" | "single") => part.to_owned(),
-            Some(individual) => format!("{individual}/{part}"),
+            None | Some("" | "single") => cleaned(part).into_owned(),
+            Some(individual) => cleaned(&format!("{individual}/{part}")).into_owned(),
         };
         let at = match points.iter().position(|(n, _)| *n == name) {
             Some(at) => at,

@@ -24,6 +24,8 @@ mod tidy;
 mod wide;
 mod write;
 
+use std::num::NonZeroUsize;
+
 use ndarray::Array3;
 
 pub(crate) use delimited::layout_of;
@@ -36,8 +38,18 @@ use super::reading::{
     ndc_from_pixels, point_notices,
 };
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 use rows::{Content, Raw, Row};
+
+/// Bytes of a point in a frame: its position, and the row that gives it.
+const CELL: u64 = 2 * 8 + 8;
+
+/// Tables that take no more bytes may be as sparse as they like.
+const SPARSE_FROM: u64 = 64 << 20;
+
+/// How many positions there may be for one that is given.
+const MAX_SPARSENESS: u64 = 256;
 
 /// Parses a ground-truth table. `name` is the file's, for messages, and of the sequence where the
 /// table has none.
@@ -62,7 +74,7 @@ pub fn parse_ground_truth(
                 "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
                 row.xy[0], row.xy[1]
             ))
-            .at(format!("line {}", row.line)));
+            .at(raw.place(row)));
         }
         let names = raw.points.clone();
         let (keys, points, mut notices) = arrange(&raw, |k| format!("object {}", names[k]))?;
@@ -165,14 +177,12 @@ fn read(
         }
     }
     let base = reading.index_base.value;
+    if let Some(row) = raw.rows.iter().find(|row| row.frame < base) {
+        let message = format!("the frame {}; expected frames from {base}", row.frame);
+        return Err(Error::input(message).at(raw.place(row)));
+    }
     for row in &mut raw.rows {
-        row.frame = row.frame.checked_sub(base).ok_or_else(|| {
-            Error::input(format!(
-                "the frame {}; expected frames from {base}",
-                row.frame
-            ))
-            .at(format!("line {}", row.line))
-        })?;
+        row.frame -= base;
     }
     if reading.space.value == Space::Pixels {
         for row in &mut raw.rows {
@@ -202,23 +212,25 @@ fn arrange(
     let mut frames: Vec<(usize, u64)> = table.rows.iter().map(place).collect();
     frames.sort_unstable();
     frames.dedup();
+    check_density(frames.len(), points, table.rows.len())?;
     let mut values = Array3::from_elem((frames.len(), points, 2), f64::NAN);
-    let mut lines = vec![0u64; frames.len() * points];
-    for row in &table.rows {
+    // By frame and point, the row that gives it.
+    let mut given: Vec<Option<NonZeroUsize>> = vec![None; frames.len() * points];
+    for (number, row) in numbered(&table.rows) {
         let Ok(t) = frames.binary_search(&place(row)) else {
             continue;
         };
-        let line = &mut lines[t * points + row.point];
-        if *line != 0 {
+        let before = given[t * points + row.point].replace(number);
+        if let Some(before) = before {
             return Err(Error::input(format!(
-                "sequence {}, frame {}, {} stands already in line {line}; expected one row a point",
+                "sequence {}, frame {}, {} is already in {}; expected one row a point",
                 table.sequences[row.sequence],
                 row.frame,
-                name_of(row.point)
+                name_of(row.point),
+                table.place(&table.rows[before.get() - 1]),
             ))
-            .at(format!("line {}", row.line)));
+            .at(table.place(row)));
         }
-        *line = row.line;
         for axis in 0..2 {
             values[[t, row.point, axis]] = row.xy[axis];
         }
@@ -231,6 +243,26 @@ fn arrange(
         })
         .collect();
     Ok((keys, values, table.notices.clone()))
+}
+
+/// The rows with their numbers from 1.
+fn numbered(rows: &[Row]) -> impl Iterator<Item = (NonZeroUsize, &Row)> {
+    let numbers = (1..).map_while(NonZeroUsize::new);
+    numbers.zip(rows)
+}
+
+/// Points of which so few are given that the table cannot mean it: every frame holds every point,
+/// so that memory would grow with the product of both.
+fn check_density(frames: usize, points: usize, rows: usize) -> Result<()> {
+    let cells = (frames as u64).saturating_mul(points as u64);
+    let bytes = cells.saturating_mul(CELL);
+    if bytes > SPARSE_FROM && cells / MAX_SPARSENESS > rows as u64 {
+        return Err(Error::input(format!(
+            "{rows} rows name {points} points in {frames} frames; expected at least one position in \
+             {MAX_SPARSENESS} to be given: are the columns mixed up?"
+        )));
+    }
+    memory::check(bytes, "positions", "score fewer frames or points at a time")
 }
 
 fn decode(bytes: &[u8]) -> Result<&str> {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use crate::data::names::cleaned;
 use crate::data::reading::{Layout, Notice};
 
 /// Points as a file gives them.
@@ -14,6 +15,21 @@ pub struct Raw {
     pub notices: Vec<Notice>,
     /// Whether positions are in pixels of images of unknown size.
     pub lacks_size: bool,
+}
+
+impl Raw {
+    /// Where a row is in the file, in words.
+    pub fn place(&self, row: &Row) -> String {
+        self.place_of(row.line)
+    }
+
+    /// As [`Raw::place`], of a row's `line`.
+    pub fn place_of(&self, line: u64) -> String {
+        match self.layout {
+            Layout::Coco => format!("annotation {line}"),
+            _ => format!("line {line}"),
+        }
+    }
 }
 
 /// One point.
@@ -32,6 +48,7 @@ pub struct Row {
 #[derive(Default)]
 pub struct Sequences {
     pub names: Vec<String>,
+    /// By the names as the file writes them and as they are kept.
     numbers: HashMap<String, usize>,
 }
 
@@ -43,9 +60,13 @@ impl Sequences {
         if let Some(known) = self.numbers.get(name) {
             return Ok(*known);
         }
-        self.names.push(name.to_owned());
-        self.numbers.insert(name.to_owned(), self.names.len() - 1);
-        Ok(self.names.len() - 1)
+        let cleaned = cleaned(name).into_owned();
+        let number = *self.numbers.entry(cleaned.clone()).or_insert_with(|| {
+            self.names.push(cleaned);
+            self.names.len() - 1
+        });
+        self.numbers.insert(name.to_owned(), number);
+        Ok(number)
     }
 }
 

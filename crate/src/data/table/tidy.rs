@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use super::fields::{Delimited, coordinate, frame, wrong_field};
 use super::rows::{Content, Raw, Row, Sequences};
-use crate::data::names::quote_list;
+use super::write::unescaped;
+use crate::data::names::{cleaned, quote_list};
 use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
 
@@ -25,10 +26,13 @@ impl Points {
             Content::GroundTruth if text.is_empty() => {
                 Err("empty; expected the name of the object".to_owned())
             }
-            Content::GroundTruth => Ok(*self.numbers.entry(text.to_owned()).or_insert_with(|| {
-                self.names.push(text.to_owned());
-                self.names.len() - 1
-            })),
+            Content::GroundTruth => Ok(*self
+                .numbers
+                .entry(cleaned(unescaped(text)).into_owned())
+                .or_insert_with_key(|name| {
+                    self.names.push(name.clone());
+                    self.names.len() - 1
+                })),
             Content::Keypoints => match text
                 .parse::<u64>()
                 .ok()
@@ -115,7 +119,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         let field = |column: usize| record.get(at[column]).unwrap_or_default();
         let wrong =
             |column: usize| move |message: String| wrong_field(line, columns[column], message);
-        let sequence = sequences.number(field(0)).map_err(wrong(0))?;
+        let sequence = sequences.number(unescaped(field(0))).map_err(wrong(0))?;
         let frame = frame(field(1)).map_err(wrong(1))?;
         let point = points.number(field(2)).map_err(wrong(2))?;
         let x = coordinate(field(3)).map_err(wrong(3))?;

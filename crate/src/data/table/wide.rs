@@ -2,7 +2,8 @@
 
 use super::fields::{Delimited, coordinate, frame, wrong_field};
 use super::rows::{Raw, Row, Sequences};
-use crate::data::names::quote_list;
+use super::write::unescaped;
+use crate::data::names::{cleaned, quote_list};
 use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
@@ -12,7 +13,7 @@ pub fn points(header: &csv::StringRecord) -> Vec<(String, [usize; 2])> {
     let split = |field: &str, axis: char| {
         let name = field.strip_suffix([axis, axis.to_ascii_uppercase()])?;
         let name = name.strip_suffix(['_', '.', '-', ' '])?.trim_end();
-        (!name.is_empty()).then(|| name.to_owned())
+        (!name.is_empty()).then(|| cleaned(name).into_owned())
     };
     let mut points = Vec::new();
     for (x, field) in header.iter().enumerate() {
@@ -77,7 +78,9 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
             move |message: String| wrong_field(line, &column, message)
         };
         let sequence = match sequence_column {
-            Some(column) => sequences.number(field(column)).map_err(wrong(column))?,
+            Some(column) => sequences
+                .number(unescaped(field(column)))
+                .map_err(wrong(column))?,
             None => sequences.number(stem).map_err(wrong(0))?,
         };
         let frame = frame(field(frame_column)).map_err(wrong(frame_column))?;

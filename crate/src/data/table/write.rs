@@ -43,11 +43,32 @@ pub fn ground_truth_csv(truth: &GroundTruth) -> String {
     out
 }
 
-/// A CSV field, quoted where it must be.
+/// A CSV field from a name, quoted where it must be. What a spreadsheet would run as a formula begins
+/// with an apostrophe, which [`unescaped`] takes away again.
 pub(crate) fn quote_csv(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) || field.trim() != field {
-        format!("\"{}\"", field.replace('"', "\"\""))
+    let escaped = match is_formula(field) {
+        true => format!("'{field}"),
+        false => field.to_owned(),
+    };
+    if escaped.contains([',', '"', '\n', '\r']) || escaped.trim() != escaped {
+        format!("\"{}\"", escaped.replace('"', "\"\""))
     } else {
-        field.to_owned()
+        escaped
     }
+}
+
+/// A name as it was before [`quote_csv`].
+pub fn unescaped(field: &str) -> &str {
+    field
+        .strip_prefix('\'')
+        .filter(|name| is_formula(name))
+        .unwrap_or(field)
+}
+
+/// Whether a spreadsheet takes a name for a formula, or it is one that was escaped; numbers are
+/// harmless.
+fn is_formula(name: &str) -> bool {
+    name.trim_start_matches('\'')
+        .starts_with(['=', '+', '-', '@'])
+        && name.parse::<f64>().is_err()
 }

@@ -78,7 +78,7 @@ fn naive(checkpoint: &Checkpoint, shape: &ConvLayer, sizes: &Sizes, input: &[f32
         *sum = match shape.norm {
             None => *sum + part("conv.bias"),
             Some(_) => {
-                let deviation = (part("bn.running_var") + f64::from(BATCH_NORM_EPSILON)).sqrt();
+                let deviation = (part("bn.running_var") + BATCH_NORM_EPSILON).sqrt();
                 let normed = (*sum - part("bn.running_mean")) / deviation;
                 (normed * part("bn.weight") + part("bn.bias")).max(0.0)
             }
@@ -97,7 +97,7 @@ fn error(shape: &ConvLayer, size: [usize; 2]) -> f64 {
         inputs => inputs.next_multiple_of(lanes),
     };
     let layer = Layer::new(&checkpoint, shape.clone(), lanes, channels).expect("a layer");
-    let sizes = layer.sizes(size).expect("large enough");
+    let sizes = Sizes::new(shape, size).expect("large enough");
     let values = noise(9, size[0] * size[1] * shape.inputs);
     let (map, len) = layer.input(&sizes);
     let [mut input, mut output, mut scratch] = [(); 3].map(|()| Buffer::default());
@@ -212,7 +212,7 @@ fn the_plan_says_how_a_layer_is_computed() {
         let checkpoint = checkpoint(&shape);
         let layer =
             Layer::new(&checkpoint, shape.clone(), gemm::lanes(), shape.inputs).expect("a layer");
-        layer.plan(&layer.sizes([256, 256]).expect("large enough"))
+        layer.plan(&Sizes::new(&shape, [256, 256]).expect("large enough"))
     };
     let by_tiles = plan(ConvLayer {
         pool: true,
@@ -229,6 +229,9 @@ fn the_plan_says_how_a_layer_is_computed() {
     let first = plan(shape(7, 2, 3, 64));
     assert_eq!(first.kernel, "direct 7x7, stride 2 + ReLU");
     assert_eq!(first.done, first.defined);
+    let along_rows = plan(shape(7, 1, 3, 32));
+    assert_eq!(along_rows.kernel, "Winograd F(4, 7) along rows + ReLU");
+    assert_eq!(along_rows.done, 64 * 256 * 70 * 3 * 32);
 }
 
 #[test]
@@ -254,6 +257,7 @@ fn the_size_of_packed_weights_is_known_before_they_are_packed() {
         (3, 1, 32, 40),
         (3, 2, 32, 64),
         (5, 1, 16, 30),
+        (7, 1, 3, 32),
         (7, 2, 3, 64),
         (1, 1, 32, 5),
     ] {
@@ -267,7 +271,7 @@ fn the_size_of_packed_weights_is_known_before_they_are_packed() {
             Layer::new(&checkpoint(&shape), shape.clone(), lanes, channels).expect("a layer");
         let packed = match &layer.kernel {
             Kernel::Direct(panels) => panels.steps() * panels.columns(),
-            Kernel::Winograd(_, panels) => panels
+            Kernel::Rows(panels) | Kernel::Winograd(_, panels) => panels
                 .iter()
                 .map(|panels| panels.steps() * panels.columns())
                 .sum(),

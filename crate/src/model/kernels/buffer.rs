@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use burn_std::{AccessError, AccessPolicy, AllocationController, AllocationProperty, Bytes};
 use rten_simd::{Isa, SimdOp};
 
-/// Numbers in a cache line.
+/// Values in a cache line.
 const LINE: usize = 16;
 
 /// An output that is not initialised yet, to be written in disjoint pieces by several threads.
@@ -67,7 +67,7 @@ impl Pieces<'_> {
     #[inline(always)]
     pub unsafe fn write(&self, at: usize, values: &[f32]) {
         assert!(at + values.len() <= self.len);
-        // SAFETY: within the allocation; nobody else is there by the caller's promise.
+        // SAFETY: within the allocation; no other thread accesses it, by the caller's promise.
         unsafe { std::ptr::copy_nonoverlapping(values.as_ptr(), self.start.add(at), values.len()) };
     }
 
@@ -79,16 +79,16 @@ impl Pieces<'_> {
     pub unsafe fn write_every(&self, at: usize, step: usize, values: &[f32]) {
         assert!(values.is_empty() || at + (values.len() - 1) * step < self.len);
         for (i, value) in values.iter().enumerate() {
-            // SAFETY: within the allocation; nobody else is there by the caller's promise.
+            // SAFETY: within the allocation; no other thread accesses it, by the caller's promise.
             unsafe { self.start.add(at + i * step).write(*value) };
         }
     }
 }
 
-/// Memory of at least so many numbers comes from, and goes back to, the [`KEPT`] ones.
+/// Memory for at least this many values comes from [`KEPT`] and goes back to it.
 const LARGE: usize = 1 << 16;
 
-/// So many numbers are kept, at most: 1 GiB.
+/// The most values that are kept: 1 GiB.
 const MOST: usize = 1 << 28;
 
 /// Memory of tensors that are gone, oldest first. A step of training needs what the last one
@@ -100,7 +100,7 @@ fn kept() -> MutexGuard<'static, Vec<Vec<f32>>> {
     KEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The smallest memory for `len` numbers that wastes less than half.
+/// The smallest memory for `len` values that wastes less than half.
 fn take(len: usize) -> Option<Vec<f32>> {
     if len < LARGE {
         return None;

@@ -8,7 +8,7 @@
 //! Columns that would wrap around the frame are computed and dropped. A stride splits the source
 //! (forward) or the result (gradient) into phases, each of which is a correlation with stride 1.
 //!
-//! Nothing depends on how bands and images are spread over threads: each number of a result is one
+//! Nothing depends on how bands and images are spread over threads: each value of a result is one
 //! sum in a fixed order. The gradient of the weights sums over the images as well, in a fixed
 //! number of groups of images.
 
@@ -16,33 +16,14 @@ use rayon::prelude::*;
 use rten_simd::SimdOp;
 
 use super::buffer::{Output, Pieces, with_scratch};
-use super::gemm::{Product, Tiling};
-use super::layout::Framed;
+use super::convolution::{BAND, Convolution, GROUPS};
+use super::gemm::{Product, padded, panel_rows};
+use super::layout::{Framed, interleave};
 use super::winograd::{Tiled, TiledWeights};
-
-/// What a band of the source may take, in numbers: it should stay in the second-level cache.
-pub(super) const BAND: usize = 64 * 1024;
-
-/// Groups of images whose weight gradients are summed up one after the other.
-pub(super) const GROUPS: usize = 8;
-
-/// A convolution with square filters, the same stride and the same zero padding on both axes.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Convolution {
-    pub batch: usize,
-    pub inputs: usize,
-    pub outputs: usize,
-    /// Rows and columns of an input image.
-    pub size: [usize; 2],
-    pub kernel: usize,
-    pub stride: usize,
-    pub padding: usize,
-}
 
 /// Correlations with stride 1 of framed images, whose results are spread over the images of the
 /// output.
 struct Correlation {
-    tiling: Tiling,
     batch: usize,
     /// Channels, rows and columns of the source images.
     source: [usize; 3],
@@ -67,37 +48,13 @@ struct Correlation {
 struct Phase {
     /// Where a step of the sum finds its source in a band.
     offsets: Vec<u32>,
-    /// The filters in panels of [`Tiling::rows`] outputs.
+    /// The filters in panels of [`panel_rows`] outputs.
     panels: Vec<f32>,
     /// Where the first row and column of the result lie in an output image.
     start: [isize; 2],
 }
 
 impl Convolution {
-    /// Rows and columns of an output image.
-    pub fn output_size(&self) -> [usize; 2] {
-        self.size
-            .map(|side| (side + 2 * self.padding - self.kernel) / self.stride + 1)
-    }
-
-    /// The weights by output, input, row and column.
-    fn taps<'a>(
-        &self,
-        weight: &'a [f32],
-    ) -> impl Fn(usize, usize, usize, usize) -> f32 + Sync + use<'a> {
-        let Self { inputs, kernel, .. } = *self;
-        move |output, input, ky, kx| weight[((output * inputs + input) * kernel + ky) * kernel + kx]
-    }
-
-    /// Whether the kernels here can compute it.
-    pub fn is_supported(&self) -> bool {
-        let fits = |side: usize| side > 0 && side + 2 * self.padding >= self.kernel;
-        self.batch * self.inputs * self.outputs > 0
-            && self.stride > 0
-            && self.padding < self.kernel
-            && self.size.into_iter().all(fits)
-    }
-
     /// The outputs.
     pub fn forward(&self, input: &[f32], weight: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.output_size();
@@ -111,7 +68,6 @@ impl Convolution {
             return tiled.run(input);
         }
         let mut correlation = Correlation {
-            tiling: Tiling::new(),
             batch: self.batch,
             source: [self.inputs, self.size[0], self.size[1]],
             split: self.stride,
@@ -138,12 +94,9 @@ impl Convolution {
             }
         }
         let steps = offsets.len();
-        let panels = panels(
-            correlation.tiling.rows,
-            self.outputs,
-            steps,
-            |output, step| weight[output * steps + step],
-        );
+        let panels = panels(panel_rows(), self.outputs, steps, |output, step| {
+            weight[output * steps + step]
+        });
         correlation.phases.push(Phase {
             offsets,
             panels,
@@ -172,7 +125,6 @@ impl Convolution {
         // Taps of a phase on an axis, at most.
         let taps = self.kernel.div_ceil(self.stride);
         let mut correlation = Correlation {
-            tiling: Tiling::new(),
             batch: self.batch,
             source: [self.outputs, rows, columns],
             split: 1,
@@ -204,15 +156,10 @@ impl Convolution {
                         }
                     }
                 }
-                let panels = panels(
-                    correlation.tiling.rows,
-                    self.inputs,
-                    taps_of.len(),
-                    |input, step| {
-                        let (output, ky, kx) = taps_of[step];
-                        tap(output, input, ky, kx)
-                    },
-                );
+                let panels = panels(panel_rows(), self.inputs, taps_of.len(), |input, step| {
+                    let (output, ky, kx) = taps_of[step];
+                    tap(output, input, ky, kx)
+                });
                 correlation.phases.push(Phase {
                     offsets,
                     panels,
@@ -227,16 +174,16 @@ impl Convolution {
     ///
     /// A product whose sum runs over the pixels. Channels lie next to each other here (the input is
     /// transposed), so that the taps of a row of the filter and their channels are one run of
-    /// numbers: one row of the product.
+    /// values: one row of the product.
     pub fn weight_gradient(&self, input: &[f32], gradient: &[f32]) -> Vec<f32> {
         if let Some(tiled) = TiledWeights::new(self) {
             return tiled.run(input, gradient);
         }
-        let tiling = Tiling::new();
+        let panel_rows = panel_rows();
         let [rows, columns] = self.output_size();
         let width = self.kernel * self.inputs;
-        let padded = tiling.padded(width);
-        let height = self.outputs.next_multiple_of(tiling.rows);
+        let padded = padded(width);
+        let height = self.outputs.next_multiple_of(panel_rows);
         let groups = self.batch.min(GROUPS);
         let framed = (columns - 1) * self.stride + self.kernel;
         let line = framed * self.inputs;
@@ -276,26 +223,20 @@ impl Convolution {
                         let own =
                             &gradient[index * self.outputs * pixels..][..self.outputs * pixels];
                         for (panel, left) in
-                            left.chunks_mut(band * columns * tiling.rows).enumerate()
+                            left.chunks_mut(band * columns * panel_rows).enumerate()
                         {
-                            interleave(
-                                own,
-                                pixels,
-                                top * columns,
-                                panel * tiling.rows,
-                                left,
-                                tiling.rows,
-                                steps,
-                            );
+                            let channels = own.chunks_exact(pixels).skip(panel * panel_rows);
+                            let rows = channels.map(|channel| &channel[top * columns..][..steps]);
+                            interleave(rows, &mut left[..steps * panel_rows], panel_rows);
                         }
                         for (ky, sums) in sums.chunks_exact_mut(height * padded).enumerate() {
                             for (left, sums) in left
-                                .chunks(band * columns * tiling.rows)
-                                .zip(sums.chunks_exact_mut(tiling.rows * padded))
+                                .chunks(band * columns * panel_rows)
+                                .zip(sums.chunks_exact_mut(panel_rows * padded))
                             {
                                 Product {
-                                    left: &left[..steps * tiling.rows],
-                                    left_step: tiling.rows,
+                                    left: &left[..steps * panel_rows],
+                                    left_step: panel_rows,
                                     offsets: &offsets[..steps],
                                     max_offset: offsets[steps - 1],
                                     right: &source[ky * line..],
@@ -330,39 +271,6 @@ impl Convolution {
                 }
             });
         result
-    }
-}
-
-/// Rows from `first` of `count` channels, one number of each channel after the other; missing
-/// channels are 0.
-fn interleave(
-    image: &[f32],
-    pixels: usize,
-    start: usize,
-    first: usize,
-    to: &mut [f32],
-    count: usize,
-    steps: usize,
-) {
-    let channels = image.len() / pixels;
-    let to = &mut to[..steps * count];
-    if count == 8 && first + 8 <= channels {
-        let rows: [&[f32]; 8] =
-            std::array::from_fn(|i| &image[(first + i) * pixels + start..][..steps]);
-        for (x, step) in to.chunks_exact_mut(8).enumerate() {
-            let values: [f32; 8] = std::array::from_fn(|i| rows[i][x]);
-            step.copy_from_slice(&values);
-        }
-        return;
-    }
-    for row in 0..count {
-        let places = to[row..].iter_mut().step_by(count);
-        if first + row < channels {
-            let values = &image[(first + row) * pixels + start..][..steps];
-            places.zip(values).for_each(|(to, value)| *to = *value);
-        } else {
-            places.for_each(|to| *to = 0.0);
-        }
     }
 }
 
@@ -406,7 +314,7 @@ impl Correlation {
         self.result[1] + self.halo
     }
 
-    /// Numbers of a framed phase.
+    /// Values of a framed phase.
     fn plane(&self) -> usize {
         (self.band + self.halo) * self.columns()
     }
@@ -424,12 +332,12 @@ impl Correlation {
         let bands = self.result[0].div_ceil(self.band);
         let [inputs, rows, columns] = self.source;
         let image = inputs * rows * columns;
-        let longest = self.tiling.padded(self.band * self.columns());
+        let longest = padded(self.band * self.columns());
         let framed = inputs * self.split * self.split * self.plane() + longest;
         (0..self.batch * bands).into_par_iter().for_each(|task| {
             let (index, top) = (task / bands, task % bands * self.band);
             let here = self.band.min(self.result[0] - top);
-            with_scratch([framed, self.tiling.rows * longest], |[framed, product]| {
+            with_scratch([framed, panel_rows() * longest], |[framed, product]| {
                 self.frame(&source[index * image..][..image], top, here, framed);
                 for phase in &self.phases {
                     self.multiply(phase, [index, top, here], framed, product, &pieces);
@@ -450,11 +358,11 @@ impl Correlation {
         pieces: &Pieces,
     ) {
         let [channels, height, width] = self.output;
-        let rows = self.tiling.rows;
+        let rows = panel_rows();
         let steps = phase.offsets.len();
         let columns = self.columns();
         let computed = (here - 1) * columns + self.result[1];
-        let stride = self.tiling.padded(computed);
+        let stride = padded(computed);
         // Results that lie within the output, on both axes.
         let first = phase.start.map(|start| {
             if start < 0 {

@@ -1,11 +1,13 @@
-//! The one product behind all convolutions.
+//! Products with an operand that is read in place.
 //!
 //! Both operands stay close to the layout they have anyway: the right one is read in place, at an
 //! offset a step of the sum, so that a shifted image is a row of the matrix and no im2col matrix is
 //! ever built.
 
-use rten_simd::ops::{BitOps, NumOps};
+use rten_simd::ops::BitOps;
 use rten_simd::{Isa, SimdOp};
+
+use crate::engine::gemm::{Left, Right, lanes, multiply};
 
 /// Vectors a tile is wide.
 const TILE: usize = 3;
@@ -16,46 +18,40 @@ const fn tile_rows(lanes: usize) -> usize {
     if lanes == 8 { 4 } else { 8 }
 }
 
-/// The shape of the tiles on this CPU.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tiling {
-    /// Rows of a panel of the left operand.
-    pub rows: usize,
-    /// Numbers in a vector: widths are rounded up to it.
-    pub lanes: usize,
+/// Rows of a panel of the left operand on this CPU.
+pub(super) fn panel_rows() -> usize {
+    tile_rows(lanes())
 }
 
-impl Tiling {
-    pub fn new() -> Self {
-        struct Lanes;
-        impl SimdOp for Lanes {
-            type Output = usize;
-            #[inline(always)]
-            fn eval<I: Isa>(self, isa: I) -> usize {
-                isa.f32().len()
-            }
-        }
-        let lanes = Lanes.dispatch();
-        Self {
-            rows: tile_rows(lanes),
-            lanes,
-        }
-    }
+/// The columns that the product writes for `width` of them.
+pub(super) fn padded(width: usize) -> usize {
+    width.next_multiple_of(lanes())
+}
 
-    /// `width` as the product writes it.
-    pub fn padded(&self, width: usize) -> usize {
-        width.next_multiple_of(self.lanes)
+/// A right operand that is read in place.
+#[derive(Clone, Copy)]
+struct Shifted<'a> {
+    start: *const f32,
+    /// Where a step begins.
+    offsets: &'a [u32],
+}
+
+impl Right for Shifted<'_> {
+    #[inline(always)]
+    unsafe fn at(self, step: usize) -> *const f32 {
+        // SAFETY: the caller's promise.
+        unsafe { self.start.add(*self.offsets.get_unchecked(step) as usize) }
     }
 }
 
 /// `output[r][j] += sum over k of left[k * left_step + r] * right[offsets[k] + j]` for a panel of
-/// [`Tiling::rows`] rows.
+/// [`panel_rows`] rows.
 ///
-/// Every number is summed in the order of k, whatever its place in a tile.
+/// Every value is summed in the order of k, wherever it lies in a tile.
 pub(super) struct Product<'a> {
-    /// One panel: [`Tiling::rows`] numbers a step of the sum.
+    /// One panel: [`panel_rows`] values for each step of the sum.
     pub left: &'a [f32],
-    /// Numbers of `left` from a step to the next, at least [`Tiling::rows`].
+    /// Values of `left` from a step to the next, at least [`panel_rows`].
     pub left_step: usize,
     /// Where the row of the right operand starts, a step of the sum.
     pub offsets: &'a [u32],
@@ -63,11 +59,11 @@ pub(super) struct Product<'a> {
     pub max_offset: u32,
     /// Readable to `max_offset` + the padded width.
     pub right: &'a [f32],
-    /// Rows of `stride` numbers.
+    /// Rows of `stride` values.
     pub output: &'a mut [f32],
     /// At least the padded width.
     pub stride: usize,
-    /// Columns; [`Tiling::padded`] columns are read and written.
+    /// Columns; [`padded`] columns are read and written.
     pub width: usize,
     /// Whether `output` is added to; otherwise it is overwritten.
     pub accumulate: bool,
@@ -100,7 +96,7 @@ impl Product<'_> {
         let mut vector = 0;
         while vector < vectors {
             let column = vector * lanes;
-            // SAFETY: `left` holds ROWS numbers at every step; the tile reads `right` up to its
+            // SAFETY: `left` holds ROWS values at every step; the tile reads `right` up to its
             // largest offset plus the padded width and writes ROWS rows within `stride`, all of
             // which is asserted above.
             unsafe {
@@ -139,7 +135,7 @@ impl Product<'_> {
         let ops = isa.f32();
         let lanes = ops.len();
         let mut sums = [[ops.zero(); WIDE]; ROWS];
-        // SAFETY: the caller's promise, and `left` has ROWS numbers at every step.
+        // SAFETY: the caller's promise, and `left` has ROWS values at every step.
         unsafe {
             if self.accumulate {
                 for (r, row) in sums.iter_mut().enumerate() {
@@ -148,20 +144,17 @@ impl Product<'_> {
                     }
                 }
             }
-            for (step, &offset) in self.offsets.iter().enumerate() {
-                let left = self.left.as_ptr().add(step * self.left_step);
-                let start = right.add(offset as usize);
-                let mut columns = [ops.zero(); WIDE];
-                for (i, column) in columns.iter_mut().enumerate() {
-                    *column = ops.load_ptr(start.add(i * lanes));
-                }
-                for (r, row) in sums.iter_mut().enumerate() {
-                    let factor = ops.splat(*left.add(r));
-                    for (sum, column) in row.iter_mut().zip(columns) {
-                        *sum = ops.mul_add(factor, column, *sum);
-                    }
-                }
-            }
+            let left = Left {
+                start: self.left.as_ptr(),
+                row: 1,
+                step: self.left_step,
+            };
+            let right = Shifted {
+                start: right,
+                offsets: self.offsets,
+            };
+            let steps = self.offsets.len();
+            multiply::<I, _, ROWS, WIDE>(isa, &mut sums, left, right, steps);
             for (r, row) in sums.iter().enumerate() {
                 for (i, sum) in row.iter().enumerate() {
                     ops.store_ptr(*sum, output.add(r * self.stride + i * lanes));

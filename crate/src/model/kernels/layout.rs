@@ -14,7 +14,7 @@ pub(super) struct Framed {
     pub left: usize,
     /// Columns with the zeros on both sides; what of the image lies beyond is left out.
     pub columns: usize,
-    /// Numbers of a pixel: the channels, and zeros behind them.
+    /// Values of a pixel: the channels, and zeros behind them.
     pub cell: usize,
 }
 
@@ -35,36 +35,51 @@ impl Framed {
                     let (pixels, after) = rest.split_at_mut(inside * self.cell);
                     before.fill(0.0);
                     after.fill(0.0);
-                    let row_of =
-                        |channel: usize| &image[(channel * height + y) * width..][..inside];
-                    let whole = channels / BLOCK * BLOCK;
-                    for channel in (0..whole).step_by(BLOCK) {
-                        gather(
-                            std::array::from_fn(|i| row_of(channel + i)),
-                            pixels,
-                            self.cell,
-                            channel,
-                        );
-                    }
-                    for channel in whole..channels {
-                        for (pixel, value) in
-                            pixels.chunks_exact_mut(self.cell).zip(row_of(channel))
-                        {
-                            pixel[channel] = *value;
-                        }
-                    }
-                    if channels < self.cell {
-                        for pixel in pixels.chunks_exact_mut(self.cell) {
-                            pixel[channels..].fill(0.0);
-                        }
-                    }
+                    let row_of = |channel| &image[(channel * height + y) * width..][..inside];
+                    interleave((0..channels).map(row_of), pixels, self.cell);
                 }
             },
         );
     }
 }
 
-/// Writes rows of pixels with `cell` numbers each to the channels of an image in an output: channel
+/// Interleaves rows, of which those beyond `cell` are left out, into pixels of `cell` values; the
+/// values of missing rows are 0.
+#[inline(always)]
+pub(super) fn interleave<'a>(
+    mut rows: impl Iterator<Item = &'a [f32]>,
+    pixels: &mut [f32],
+    cell: usize,
+) {
+    let mut first = 0;
+    while first < cell {
+        let mut held = 0;
+        let mut block: [&[f32]; BLOCK] = [&[]; BLOCK];
+        while held < BLOCK.min(cell - first) {
+            let Some(row) = rows.next() else { break };
+            block[held] = row;
+            held += 1;
+        }
+        if held == BLOCK {
+            gather(block, pixels, cell, first);
+            first += BLOCK;
+            continue;
+        }
+        for (i, row) in block.iter().enumerate().take(held) {
+            for (pixel, value) in pixels.chunks_exact_mut(cell).zip(*row) {
+                pixel[first + i] = *value;
+            }
+        }
+        if first + held < cell {
+            for pixel in pixels.chunks_exact_mut(cell) {
+                pixel[first + held..].fill(0.0);
+            }
+        }
+        return;
+    }
+}
+
+/// Writes rows of pixels with `cell` values each to the channels of an image in an output: channel
 /// c of the pixels goes to `at(c)`, whose rows lie one after the other.
 ///
 /// # Safety
@@ -110,7 +125,7 @@ pub(super) unsafe fn scatter(
     }
 }
 
-/// Interleaves rows into pixels of `cell` numbers, from the number `first` of each on.
+/// Interleaves a block of rows into pixels of `cell` values, from the value `first` of each on.
 #[inline(always)]
 fn gather(rows: [&[f32]; BLOCK], pixels: &mut [f32], cell: usize, first: usize) {
     let count = rows[0].len();

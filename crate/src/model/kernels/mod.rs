@@ -10,6 +10,7 @@
 
 mod buffer;
 mod conv;
+mod convolution;
 mod gemm;
 mod layout;
 mod norm;
@@ -36,8 +37,10 @@ use burn::nn::conv::Conv2d;
 use burn::prelude::{Tensor, TensorData};
 use burn::tensor::DType;
 
-use conv::Convolution;
+use convolution::Convolution;
 use norm::Statistics;
+
+use crate::engine::pool::pooled;
 
 /// What the layer computes, with kernels of our own where there are any for its sizes.
 ///
@@ -314,7 +317,7 @@ impl Layers for Flex {
         let [batch, channels, height, width] = input.shape().dims();
         tensor(
             pool::max_pool(values(&input), [height, width]),
-            [batch, channels, pool::pooled(height), pool::pooled(width)],
+            [batch, channels, pooled(height), pooled(width)],
         )
     }
 
@@ -429,7 +432,7 @@ fn values(tensor: &FlexTensor) -> &[f32] {
     tensor.as_slice().expect("a contiguous f32 tensor")
 }
 
-/// The values of a tensor, in its own memory if nobody else looks at it.
+/// The values of a tensor, in its own memory if it is not shared.
 fn owned(tensor: FlexTensor) -> Vec<f32> {
     tensor.into_data().try_into_vec().expect("an f32 tensor")
 }

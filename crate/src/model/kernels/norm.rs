@@ -11,7 +11,7 @@ use super::buffer::{Output, vectorised};
 /// Sums that run side by side over a map, so that they fit the vectors of any CPU.
 const LANES: usize = 64;
 
-/// Images x channels x numbers of a map.
+/// Images x channels x values of a map.
 pub(super) type Maps = [usize; 3];
 
 /// What the batch says about the channels.
@@ -92,7 +92,7 @@ fn moments_at(image: usize, channel: usize, channels: usize) -> usize {
     image * channels + channel
 }
 
-/// Normalized, scaled, shifted, and negative numbers put to 0; a NaN stays one.
+/// Normalized, scaled, shifted, and negative values set to 0; a NaN stays one.
 pub(super) fn normalize_relu(
     input: &[f32],
     [_, channels, size]: Maps,
@@ -194,7 +194,7 @@ pub(super) fn gradients(
     result
 }
 
-/// Sums over a map of what `terms` makes of the numbers at a place.
+/// Sums over a map of what `terms` makes of the values at a place.
 #[inline(always)]
 fn sum<const IN: usize, const OUT: usize>(
     maps: [&[f32]; IN],

@@ -1,17 +1,13 @@
 //! Max-pool over 2 x 2 cells with stride 2 and a border one cell wide, and its gradient.
 //!
-//! Rows are copied between columns of -inf, so that every cell has four numbers.
+//! Rows are copied between columns of -inf, so that every cell has four values.
 
 use rayon::prelude::*;
 
 use super::buffer::{Output, vectorised, with_scratch};
+use crate::engine::pool::{pooled, window};
 
-/// Rows or columns of a pooled map.
-pub(super) fn pooled(side: usize) -> usize {
-    side / 2 + 1
-}
-
-/// The largest number of every cell; a NaN counts as the largest.
+/// The largest value of every cell; a NaN counts as the largest.
 pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
     let columns = pooled(width);
     let size = pooled(height) * columns;
@@ -42,7 +38,7 @@ pub(super) fn max_pool(input: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
     unsafe { output.into_vec(len) }
 }
 
-/// The gradient of the input: a cell's goes to the first of its largest numbers.
+/// The gradient of the input: a cell's goes to the first of its largest values.
 pub(super) fn gradient(input: &[f32], [height, width]: [usize; 2], gradient: &[f32]) -> Vec<f32> {
     let columns = pooled(width);
     let size = pooled(height) * columns;
@@ -73,7 +69,7 @@ pub(super) fn gradient(input: &[f32], [height, width]: [usize; 2], gradient: &[f
                             }
                         },
                     );
-                    for (y, line) in rows(row).into_iter().zip([&*upper, &*lower]) {
+                    for (y, line) in window(row).into_iter().zip([&*upper, &*lower]) {
                         if let Some(y) = y.filter(|y| *y < height) {
                             // SAFETY: maps, and the rows of the cells of a map, do not overlap.
                             unsafe { pieces.write((map * height + y) * width, &line[1..=width]) };
@@ -86,14 +82,9 @@ pub(super) fn gradient(input: &[f32], [height, width]: [usize; 2], gradient: &[f
     unsafe { output.into_vec(input.len()) }
 }
 
-/// The rows of the map that a row of cells covers.
-fn rows(row: usize) -> [Option<usize>; 2] {
-    [(2 * row).checked_sub(1), Some(2 * row)]
-}
-
 /// The two rows of a row of cells, -inf where the map ends.
 fn frame(lines: [&mut [f32]; 2], map: &[f32], width: usize, row: usize) {
-    for (line, y) in lines.into_iter().zip(rows(row)) {
+    for (line, y) in lines.into_iter().zip(window(row)) {
         line.fill(f32::NEG_INFINITY);
         if let Some(values) = y.and_then(|y| map.get(y * width..(y + 1) * width)) {
             line[1..=width].copy_from_slice(values);

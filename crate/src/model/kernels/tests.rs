@@ -20,7 +20,7 @@ use burn::tensor::module::{batch_norm_train, conv2d, interpolate};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
-use super::conv::Convolution;
+use super::convolution::Convolution;
 
 const UNIT: f64 = 1.0 / (1u64 << 24) as f64;
 

@@ -2,16 +2,18 @@
 //! of an image is laid out as the engine has its maps, convolved, and laid back.
 
 use rayon::prelude::*;
-use rten_simd::ops::{BitOps, NumOps};
+use rten_simd::ops::BitOps;
 use rten_simd::{Isa, SimdOp};
 
 use super::buffer::{Output, vectorised, with_scratch};
-use super::conv::{BAND, Convolution, GROUPS};
-use super::gemm::{self, Product};
+use super::convolution::{BAND, Convolution, GROUPS};
+use super::gemm::{Product, panel_rows};
 use super::layout::{Framed, scatter};
+use crate::engine::epilogue::Epilogue;
 use crate::engine::gemm::{Panels, lanes};
 use crate::engine::map::Map;
-use crate::engine::winograd::{Epilogue, FAR, Tiling, Winograd, input_points};
+use crate::engine::tile::{Gradients, Inputs, transform_to};
+use crate::engine::winograd::{Tiling, Winograd};
 
 /// Channels that come in or go out, below which the transforms cost more than they save.
 const WORTH: usize = 16;
@@ -26,7 +28,7 @@ pub(super) struct Tiled {
     padding: usize,
     /// Channels, rows and columns of the images that go out.
     output: [usize; 3],
-    /// Numbers of a pixel in and out.
+    /// Values of a pixel in and out.
     cells: [usize; 2],
     panels: Vec<Panels>,
 }
@@ -149,7 +151,7 @@ const CELLS: usize = 4;
 const PLACES: usize = SIDE * SIDE;
 
 /// Tiles that are summed up at a time, about: what is loaded and stored for it should be little
-/// beside the sums.
+/// compared to the sums.
 const TILES: usize = 64;
 
 /// The gradient of the weights by tiles: the inputs are transformed as they are forwards, the
@@ -159,7 +161,7 @@ const TILES: usize = 64;
 pub(super) struct TiledWeights {
     convolution: Convolution,
     tiling: Tiling,
-    /// Numbers of a pixel of the inputs and of the gradients.
+    /// Values of a pixel of the inputs and of the gradients.
     cells: [usize; 2],
 }
 
@@ -185,7 +187,7 @@ impl TiledWeights {
         let worth = kernel == 3 && stride == 1 && inputs.min(outputs) >= WORTH;
         let tiling = Tiling::new(kernel, stride).filter(|_| worth)?;
         let lanes = lanes();
-        let rows = gemm::Tiling::new().rows;
+        let rows = panel_rows();
         Some(Self {
             convolution: *convolution,
             tiling,
@@ -297,7 +299,7 @@ impl TiledWeights {
             return;
         }
         let [from, to] = self.cells;
-        let rows = gemm::Tiling::new().rows;
+        let rows = panel_rows();
         let offsets: Vec<u32> = (0..held).map(|tile| (tile * from) as u32).collect();
         for (place, sums) in sums.chunks_exact_mut(to * from).enumerate() {
             let left = &results[place * tiles * to..][..held * to];
@@ -370,9 +372,9 @@ struct Transform<'a> {
     source: &'a [f32],
     /// Rows x columns x channels of the gradients.
     result: &'a [f32],
-    /// Of the inputs and of the gradients.
+    /// Transforms of the inputs and of the gradients.
     to: [Transformed<'a>; 2],
-    /// Of `source` and `result`.
+    /// Columns of `source` and `result`.
     columns: [usize; 2],
     /// Tiles that are in `to` already.
     held: usize,
@@ -412,7 +414,12 @@ impl SimdOp for Transform<'_> {
                 let to = sources.values.as_mut_ptr().add((held + tile) * cells[0]);
                 let steps = [pitch[0], cells[0], sources.tiles * cells[0]];
                 for channel in (0..cells[0]).step_by(lanes) {
-                    transform::<I, Inputs, SIDE>(isa, from.add(channel), to.add(channel), steps);
+                    transform_to::<I, Inputs, SIDE, SIDE>(
+                        isa,
+                        from.add(channel),
+                        to.add(channel),
+                        steps,
+                    );
                 }
                 let from = self
                     .result
@@ -421,87 +428,13 @@ impl SimdOp for Transform<'_> {
                 let to = results.values.as_mut_ptr().add((held + tile) * cells[1]);
                 let steps = [pitch[1], cells[1], results.tiles * cells[1]];
                 for channel in (0..cells[1]).step_by(lanes) {
-                    transform::<I, Gradients, CELLS>(
+                    transform_to::<I, Gradients, CELLS, SIDE>(
                         isa,
                         from.add(channel),
                         to.add(channel),
                         steps,
                     );
                 }
-            }
-        }
-    }
-}
-
-/// A transform of N cells along one axis. (A trait, as functions that are passed on are not inlined
-/// into the code of an instruction set.)
-trait Points<const N: usize> {
-    fn points<I: Isa>(isa: I, cells: [I::F32; N]) -> [I::F32; SIDE];
-}
-
-/// The transform of the inputs.
-struct Inputs;
-
-impl Points<SIDE> for Inputs {
-    #[inline(always)]
-    fn points<I: Isa>(isa: I, cells: [I::F32; SIDE]) -> [I::F32; SIDE] {
-        input_points(isa, cells)
-    }
-}
-
-/// The transpose of the transform of the outputs: the polynomial of the cells at the tile's points,
-/// of which the near ones are 1 and -1.
-struct Gradients;
-
-impl Points<CELLS> for Gradients {
-    #[inline(always)]
-    fn points<I: Isa>(isa: I, d: [I::F32; CELLS]) -> [I::F32; SIDE] {
-        let ops = isa.f32();
-        let (even, odd) = (ops.add(d[0], d[2]), ops.add(d[1], d[3]));
-        let even_far = ops.mul_add(ops.splat(FAR * FAR), d[2], d[0]);
-        let odd_far = ops.mul_add(ops.splat(FAR * FAR), d[3], d[1]);
-        [
-            d[0],
-            ops.add(even, odd),
-            ops.sub(even, odd),
-            ops.mul_add(ops.splat(FAR), odd_far, even_far),
-            ops.mul_add(ops.splat(-FAR), odd_far, even_far),
-            d[3],
-        ]
-    }
-}
-
-/// Transforms the tile of N x N cells at `from`, with `[row, column, ..]` numbers from one to the
-/// next, along both axes.
-///
-/// # Safety
-/// The cells must be readable and the places at `to`, `[.., place]` numbers apart, writable, a
-/// vector each.
-#[inline(always)]
-unsafe fn transform<I: Isa, P: Points<N>, const N: usize>(
-    isa: I,
-    from: *const f32,
-    to: *mut f32,
-    [row_step, column_step, place_step]: [usize; 3],
-) {
-    let ops = isa.f32();
-    let mut half = [[ops.zero(); SIDE]; N];
-    // SAFETY: the caller's promise.
-    unsafe {
-        for (column, half) in half.iter_mut().enumerate() {
-            let mut cells = [ops.zero(); N];
-            for (row, cell) in cells.iter_mut().enumerate() {
-                *cell = ops.load_ptr(from.add(row * row_step + column * column_step));
-            }
-            *half = P::points(isa, cells);
-        }
-        for row in 0..SIDE {
-            let mut cells = [ops.zero(); N];
-            for (cell, half) in cells.iter_mut().zip(&half) {
-                *cell = half[row];
-            }
-            for (column, value) in P::points(isa, cells).into_iter().enumerate() {
-                ops.store_ptr(value, to.add((row * SIDE + column) * place_step));
             }
         }
     }

@@ -20,12 +20,14 @@ pub(in crate::report) struct Decades {
 
 impl Decades {
     /// At least one decade, around all finite values and `margin` times more at either end. Values
-    /// below `floor` count as `floor`; without any the axis ends at 1.
+    /// below `floor` count as `floor`, values above 1e300 as that; without any the axis ends at 1.
     pub fn around(values: impl Iterator<Item = f64>, floor: f64, margin: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
         for value in values.filter(|v| v.is_finite()) {
-            low = low.min(value.max(floor));
-            high = high.max(value.max(floor));
+            // A power of ten above the greatest value has to be a float as well.
+            let value = value.max(floor).min(1e300);
+            low = low.min(value);
+            high = high.max(value);
         }
         if low > high {
             return Self {
@@ -157,6 +159,7 @@ mod tests {
         assert_eq!(around(&[0.1], 1.0), [0.1, 1.0]);
         assert_eq!(around(&[0.0, 0.5], 1.0), [1e-5, 1.0]);
         assert_eq!(around(&[], 1.2), [1e-5, 1.0]);
+        assert_eq!(around(&[f64::MAX], 1.2), [1e299, 1e301]);
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub struct LineSeries {
     pub label: String,
     /// Its colour.
     pub color: Color,
-    /// One value a frame; NaN leaves a gap.
+    /// One value a frame; NaN leaves a gap, as does a value beyond 1e100.
     pub values: Vec<f64>,
 }
 
@@ -144,7 +144,8 @@ fn draw<B: DrawingBackend>(
         .map(|s| s.values.len())
         .max()
         .unwrap_or(0);
-    let end = figure.start + frames.saturating_sub(1).max(1) as f64;
+    let span = frames.saturating_sub(1).max(1) as f64;
+    let end = figure.start + span.max(RESOLVED * figure.start.abs());
     let [low, high] = value_range(figure);
     let mut builder = ChartBuilder::on(area);
     builder
@@ -208,7 +209,7 @@ fn draw<B: DrawingBackend>(
 
 /// A label of the y axis, with the digits that tell it from its neighbours.
 fn tick(y: f64, span: f64) -> String {
-    if y != 0.0 && span < 1e-3 {
+    if y != 0.0 && !(1e-3..1e9).contains(&span) {
         return format!("{y:.1e}");
     }
     // About five labels a span.
@@ -240,7 +241,19 @@ fn legend<B: DrawingBackend>(
     Ok(())
 }
 
-/// The range of all finite values with a margin, never empty; starting at 0 if the figure asks for it.
+/// Values up to this are drawn: the span of an axis is in range then.
+const DRAWN: f64 = 1e100;
+
+/// The least span of an axis as a share of its values: below it plotters finds marks that do not
+/// differ, and goes on looking for more.
+const RESOLVED: f64 = 1e-9;
+
+fn is_drawn(value: &f64) -> bool {
+    value.abs() <= DRAWN
+}
+
+/// The range of all values that are drawn with a margin, never empty; starting at 0 if the figure
+/// asks for it.
 fn value_range(figure: &LineFigure) -> [f64; 2] {
     let values = || {
         figure
@@ -248,28 +261,77 @@ fn value_range(figure: &LineFigure) -> [f64; 2] {
             .iter()
             .flat_map(|s| &s.values)
             .copied()
-            .filter(|v| v.is_finite())
+            .filter(is_drawn)
     };
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
     if figure.from_zero {
-        return [0.0, if high > 0.0 { 1.08 * high } else { 1.0 }];
+        return [0.0, if high > 1.0 / DRAWN { 1.08 * high } else { 1.0 }];
     }
     if low > high {
         return [-1.0, 1.0];
     }
-    let margin = (0.08 * (high - low)).max(0.02);
+    let margin = (0.08 * (high - low))
+        .max(0.02)
+        .max(RESOLVED * low.abs().max(high.abs()));
     [low - margin, high + margin]
 }
 
-/// The stretches of finite values.
+/// The stretches of values that are drawn.
 fn runs(values: &[f64]) -> Vec<std::ops::Range<usize>> {
     let mut out: Vec<std::ops::Range<usize>> = Vec::new();
-    for (i, _) in values.iter().enumerate().filter(|(_, v)| v.is_finite()) {
+    for (i, _) in values.iter().enumerate().filter(|(_, v)| is_drawn(v)) {
         match out.last_mut() {
             Some(run) if run.end == i => run.end = i + 1,
             _ => out.push(i..i + 1),
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figure(values: &[f64], start: f64, from_zero: bool) -> LineFigure {
+        let color = Color([0; 3]);
+        LineFigure {
+            title: String::new(),
+            x_label: String::new(),
+            y_label: String::new(),
+            start,
+            series: vec![LineSeries {
+                label: "x".to_owned(),
+                color,
+                values: values.to_vec(),
+            }],
+            cursor: None,
+            from_zero,
+            foreground: color,
+            background: color,
+            grid: color,
+            font_size: 12,
+        }
+    }
+
+    #[test]
+    fn every_axis_has_an_end() {
+        let values = [
+            [1e308, -1e308],
+            [f64::INFINITY, f64::NAN],
+            [1e17, 1e17],
+            [1e100, -1e100],
+            [5e-324, 0.0],
+            [-1e99, 1.0],
+        ];
+        for values in values {
+            for from_zero in [false, true] {
+                for start in [0.0, 1e18, 1.8e19] {
+                    let svg = lines_to_svg(&figure(&values, start, from_zero), 300, 200);
+                    let svg = svg.expect("a figure");
+                    assert!(svg.len() < 20_000 && !svg.contains("NaN"), "{values:?}");
+                }
+            }
+        }
+    }
 }

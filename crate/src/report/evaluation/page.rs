@@ -15,7 +15,10 @@ use crate::report::draw::{document, figure};
 /// When a figure cannot be drawn.
 pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
     let figures = evaluation_figures(report)?;
-    let title = format!("Tracking capability {:.3}", report.tc);
+    let title = match report.tc {
+        Some(tc) => format!("Tracking capability {tc:.3}"),
+        None => "Tracking capability unknown".to_owned(),
+    };
     let body = html! {
         p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
             (report.version) }
@@ -96,11 +99,10 @@ fn protocol(report: &EvaluationReport) -> String {
     if let Some(intervals) = &report.intervals {
         text += &format!(
             " Small figures: {:.0} % intervals of the errors that are fitted and scored on the same frames, {}, {} \
-             resamples; of the TC on these frames, {:.3}: {:.3}–{:.3}.",
+             resamples; of the TC on these frames: {:.3}–{:.3}.",
             100.0 * intervals.level,
             intervals.method,
             intervals.resamples,
-            report.tc,
             intervals.tc[0],
             intervals.tc[1]
         );

@@ -1,0 +1,61 @@
+// @ts-check
+/** NPZ recordings: frames stay where they lie, points are read. */
+
+import { messageOf } from "../../errors.js";
+import { Arrays } from "../../pkg/index.js";
+import { blobOf } from "../sources.js";
+import { NPY_TYPE } from "./npy.js";
+import { entriesOf, unpack } from "./zip.js";
+
+/** @typedef {import("../sources.js").Source} Source */
+
+/**
+ * The frames of a recording, and its arrays, whose points are read from them; `error` says why
+ * there are no frames though there is an array of them.
+ * @param {Source} recording
+ * @returns {Promise<{ frames: Source[], arrays: Arrays, error: string }>}
+ */
+export async function openRecording(recording) {
+  const { path } = recording;
+  const file = await blobOf(recording);
+  const arrays = new Arrays(path);
+  /** @type {Map<string, Blob>} */
+  const blobs = new Map();
+  const found = [];
+  for (const entry of await entriesOf(file, path)) {
+    const name = entry.path.replace(/\.npy$/, "");
+    found.push(name);
+    if (name === entry.path || !Arrays.uses(name)) continue;
+    if (entry.problem) throw new Error(`${path}: the array ${name}: ${entry.problem}`);
+    // Frames are read one by one, when they are shown.
+    const isWhole = Arrays.bytesNeeded(name, entry.size) === entry.size;
+    const blob = await unpack(file, entry, `${path}: the array ${name}`, isWhole);
+    blobs.set(name, blob);
+    const head = blob.slice(0, Arrays.bytesNeeded(name, blob.size));
+    arrays.add(name, new Uint8Array(await head.arrayBuffer()), blob.size);
+  }
+  if (!arrays.hasFrames && !arrays.hasPoints) {
+    arrays.free();
+    throw new Error(
+      `${path} has no array of frames (\`images\` or \`frames\`) or points (\`keypoints\` or ` +
+        `\`sites\`); found ` +
+        `${found.map((name) => `\`${name}\``).join(", ") || "nothing"}`,
+    );
+  }
+  if (!arrays.hasFrames) return { frames: [], arrays, error: "" };
+  try {
+    const { array, paths, start, length, header } = arrays.frames();
+    const blob = /** @type {Blob} */ (blobs.get(array));
+    const head = new Uint8Array(header);
+    const frames = paths.map((frame, i) => ({
+      path: `${path}/${frame}`,
+      read: async () =>
+        new Blob([head, blob.slice(start + i * length, start + (i + 1) * length)], {
+          type: NPY_TYPE,
+        }),
+    }));
+    return { frames, arrays, error: "" };
+  } catch (error) {
+    return { frames: [], arrays, error: messageOf(error) };
+  }
+}

@@ -1,0 +1,205 @@
+// @ts-check
+/** What a file was taken for and how it was read, to be corrected. */
+
+import { disclosure } from "../ui/disclosure.js";
+import { h } from "../ui/dom.js";
+import { baseName } from "../ui/format.js";
+import { isTableRole, tableOf } from "./entry.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("./entry.js").Entry} Entry
+ * @typedef {import("./entry.js").Slot} Slot
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
+ */
+
+/** @type {Record<Slot | "unknown", { title: string, icon: string }>} */
+export const ROLES = {
+  "ground-truth": { title: "Ground truth", icon: "icon-table" },
+  keypoints: { title: "Keypoints", icon: "icon-table" },
+  checkpoint: { title: "Checkpoint", icon: "icon-checkpoint" },
+  result: { title: "Saved evaluation", icon: "icon-file" },
+  unknown: { title: "Not used", icon: "icon-file" },
+};
+
+/** @type {Record<string, string>} */
+const GROUNDS = { guess: "assumed", file: "from the file", said: "as you said" };
+
+/**
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+export function corrections(session, entry) {
+  const reading = tableOf(entry)?.reading;
+  const summary = reading
+    ? [
+        reading.space.value === "px" ? "pixels" : "ndc",
+        `(${[...reading.axisOrder.value].join(", ")})`,
+        `frames from ${reading.indexBase.value}`,
+      ].join(" · ")
+    : "Wrong type? Change it";
+  const grounds = reading ? [reading.space, reading.axisOrder, reading.indexBase] : [];
+  const isGuess = grounds.some(({ by }) => by === "guess");
+  const { role, by } = entry.taken;
+  const choices = h(
+    "div",
+    { class: "corrections" },
+    choice(
+      "Role",
+      "role",
+      rolesOf(entry).map((each) => [each, ROLES[each].title]),
+      { value: role, by },
+      (next) => void session.setRole(entry, /** @type {Slot | "unknown"} */ (next)),
+    ),
+    ...(isTableRole(entry) ? readingChoices(session, entry) : []),
+  );
+  return disclosure(`corrections ${entry.path}`, [summary, isGuess && guessMark()], choices);
+}
+
+/**
+ * @param {Session} session
+ * @param {Entry} entry a table
+ */
+function readingChoices(session, entry) {
+  const { options, arrays } = entry;
+  const reading = tableOf(entry)?.reading;
+  const set = (/** @type {TableOptions} */ changed) => void session.setTableOptions(entry, changed);
+  return [
+    choice(
+      "Unit",
+      "space",
+      [
+        ["ndc", "ndc, −1 to +1"],
+        ["px", "pixels"],
+      ],
+      reading?.space ?? { value: options.space ?? "ndc", by: "guess" },
+      (space) => set({ space: /** @type {"ndc" | "px"} */ (space) }),
+    ),
+    choice(
+      "Axes",
+      "axisOrder",
+      [
+        ["xy", "x, y"],
+        ["yx", "y, x"],
+      ],
+      reading?.axisOrder ?? { value: options.axisOrder ?? "xy", by: "guess" },
+      (axisOrder) => set({ axisOrder: /** @type {"xy" | "yx"} */ (axisOrder) }),
+    ),
+    !arrays &&
+      choice(
+        "First frame",
+        "indexBase",
+        [
+          ["0", "0"],
+          ["1", "1"],
+        ],
+        reading?.indexBase ?? { value: options.indexBase ?? 0, by: "guess" },
+        (base) => set({ indexBase: Number(base) }),
+      ),
+  ];
+}
+
+/**
+ * Whether the size of the images is asked for at a file: its positions are in pixels, and no image
+ * says it.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+export function takesSize({ frameSize, saidSize }, entry) {
+  if (frameSize) return false;
+  const { parsed } = entry;
+  if (parsed.state === "broken") return parsed.cause?.type === "missingImageSize";
+  return saidSize !== undefined && tableOf(entry)?.reading.space.value === "px";
+}
+
+/**
+ * Width and height of images that are not here.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+export function sizeField(session, { path }) {
+  const hint = h("span", { class: "hint", role: "status" });
+  const side = (/** @type {"width" | "height"} */ name, /** @type {number | undefined} */ value) =>
+    h("input", {
+      type: "number",
+      name: `image-${name}`,
+      min: "1",
+      step: "1",
+      inputMode: "numeric",
+      "aria-label": `Image ${name} in pixels, for ${baseName(path)}`,
+      value: value === undefined ? "" : String(value),
+      onchange: () => take(),
+    });
+  const [width, height] = [
+    side("width", session.saidSize?.[0]),
+    side("height", session.saidSize?.[1]),
+  ];
+  const take = () => {
+    const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
+    const isSide = (/** @type {number} */ pixels) => Number.isInteger(pixels) && pixels > 0;
+    const isEmpty = width.value === "" || height.value === "";
+    const isValid = size.every(isSide);
+    hint.textContent = isEmpty || isValid ? "" : "Expected whole numbers of pixels above 0.";
+    for (const [i, input] of [width, height].entries()) {
+      input.setAttribute("aria-invalid", String(input.value !== "" && !isSide(size[i])));
+    }
+    const isTakenBack = width.value === "" && height.value === "" && session.saidSize !== undefined;
+    if (isValid || isTakenBack) void session.setImageSize(isValid ? size : undefined);
+  };
+  return h(
+    "fieldset",
+    { class: "image-size" },
+    h("legend", {}, "Size of the images"),
+    h("span", { class: "image-size-sides" }, width, "×", height, "px"),
+    hint,
+  );
+}
+
+export function guessMark() {
+  const title = "The file does not say so; change it if it is wrong";
+  return h("span", { class: "guess", title }, "assumed");
+}
+
+/**
+ * What a file could be.
+ * @param {Entry} entry
+ * @returns {(Slot | "unknown")[]}
+ */
+function rolesOf(entry) {
+  const { arrays, path, taken } = entry;
+  /** @type {Slot[]} */
+  const points = ["ground-truth", "keypoints"];
+  const isTable = arrays || tableOf(entry) || /\.(csv|tsv|txt|json)$/i.test(path);
+  if (isTable) return [...points, "unknown"];
+  return taken.role === "checkpoint"
+    ? ["checkpoint", "unknown"]
+    : [...points, "checkpoint", "unknown"];
+}
+
+/**
+ * A choice with the grounds for the present value.
+ * @param {string} label
+ * @param {string} name
+ * @param {string[][]} options value and text
+ * @param {{ value: string | number, by: string }} known
+ * @param {(value: string) => void} change
+ */
+function choice(label, name, options, { value, by }, change) {
+  return h(
+    "label",
+    { class: "choice", data: { by } },
+    h("span", {}, label),
+    h(
+      "select",
+      {
+        name,
+        onchange: (/** @type {Event} */ { target }) =>
+          change(/** @type {HTMLSelectElement} */ (target).value),
+      },
+      ...options.map(([option, text]) =>
+        h("option", { value: option, selected: option === String(value) }, text),
+      ),
+    ),
+    h("small", {}, GROUNDS[by]),
+  );
+}

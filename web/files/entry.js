@@ -1,0 +1,113 @@
+// @ts-check
+/** A file that is not an image: what it was taken for, and what was read from it. */
+
+/**
+ * @typedef {import("./sources.js").Source} Source
+ * @typedef {import("./saved.js").SavedEvaluation} SavedEvaluation
+ * @typedef {import("../errors.js").Reason} Reason
+ * @typedef {import("../extraction/extraction.js").Extraction} Extraction
+ * @typedef {import("../extraction/extractor.js").OpenEncoder} OpenEncoder
+ * @typedef {import("../pkg/index.js").Arrays} Arrays
+ * @typedef {import("../pkg/index.js").GroundTruthTable} GroundTruthTable
+ * @typedef {import("../pkg/index.js").KeypointTable} KeypointTable
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
+ *
+ * What a file can be used as. One file is used as each.
+ * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot
+ *
+ * What a file was taken for: by its content (`file`), as the usual case (`guess`), or as the user
+ * chose (`said`); `reason` gives the grounds in words.
+ * @typedef {{ role: Slot | "unknown", by: "file" | "guess" | "said", reason: string }} Taken
+ *
+ * What was read.
+ * @typedef {{ kind: "ground-truth", table: GroundTruthTable }
+ *   | { kind: "keypoints", table: KeypointTable }
+ *   | { kind: "checkpoint", encoder: OpenEncoder, extraction: Extraction }
+ *   | { kind: "result", saved: SavedEvaluation }} Content
+ *
+ * How far reading a file got. `imageSize` is the size it was read with; `error` is empty once the
+ * user has dismissed it.
+ * @typedef {{ state: "new" }
+ *   | { state: "unknown" }
+ *   | { state: "broken", error: string, cause: Reason | null, imageSize?: [number, number] }
+ *   | { state: "used" | "spare", content: Content, imageSize?: [number, number] }} Parsed
+ *
+ * @typedef {object} Entry
+ * @property {string} path
+ * @property {Source} source
+ * @property {Arrays | null} arrays of a recording, whose points the entry stands for
+ * @property {Taken} taken
+ * @property {TableOptions} options how the user wants a table to be read
+ * @property {boolean} wanted whether it is to be used once it is parsed
+ * @property {Parsed} parsed
+ */
+
+/**
+ * A file that was not parsed yet.
+ * @param {Source} source
+ * @param {Taken} taken
+ * @param {Arrays | null} [arrays]
+ * @returns {Entry}
+ */
+export function entryOf(source, taken, arrays = null) {
+  const { path } = source;
+  return { path, source, arrays, taken, options: {}, wanted: false, parsed: { state: "new" } };
+}
+
+/**
+ * What was read from a file; `null` when it was not parsed or cannot be used.
+ * @param {Entry | null} entry
+ * @returns {Content | null}
+ */
+export function contentOf(entry) {
+  return entry && "content" in entry.parsed ? entry.parsed.content : null;
+}
+
+/**
+ * The table in a file, when it is one.
+ * @param {Entry | null} entry
+ * @returns {GroundTruthTable | KeypointTable | null}
+ */
+export function tableOf(entry) {
+  const content = contentOf(entry);
+  return content && "table" in content ? content.table : null;
+}
+
+/**
+ * The extraction with the checkpoint in a file, when it is one.
+ * @param {Entry | null} entry
+ * @returns {Extraction | null}
+ */
+export function extractionOf(entry) {
+  const content = contentOf(entry);
+  return content?.kind === "checkpoint" ? content.extraction : null;
+}
+
+/**
+ * The evaluation in a file, when it is one.
+ * @param {Entry | null} entry
+ * @returns {SavedEvaluation | null}
+ */
+export function savedOf(entry) {
+  const content = contentOf(entry);
+  return content?.kind === "result" ? content.saved : null;
+}
+
+/** @param {Entry} entry */
+export function isTableRole({ taken: { role } }) {
+  return role === "ground-truth" || role === "keypoints";
+}
+
+/**
+ * Forgets what was read from a file and gives back what that holds in the package. The file itself
+ * stays.
+ * @param {Entry} entry
+ */
+export function unread(entry) {
+  const content = contentOf(entry);
+  if (content?.kind === "checkpoint") {
+    content.extraction.stop("idle");
+    content.encoder.free();
+  } else if (content && "table" in content) content.table.free();
+  entry.parsed = { state: "new" };
+}

@@ -1,0 +1,206 @@
+// @ts-check
+/** Identifies dropped files: containers are opened, everything else gets the role it is read in. */
+
+import { classify } from "../pkg/index.js";
+import { count } from "../ui/format.js";
+import { openRecording } from "./containers/npz.js";
+import { folderOf, openVideo } from "./containers/video.js";
+import { openArchive } from "./containers/zip.js";
+import { entryOf } from "./entry.js";
+import { splitRuns } from "./runs.js";
+import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
+
+/**
+ * @typedef {import("./entry.js").Entry} Entry
+ * @typedef {import("./sources.js").Source} Source
+ *
+ * A file with others in it.
+ * @typedef {object} Container
+ * @property {string} path
+ * @property {string} folder where its files are
+ * @property {"archive" | "recording" | "video"} kind
+ * @property {string} contents in words
+ * @property {string} error why it cannot be used at all; empty once the user has dismissed it
+ * @property {string[]} problems what of it cannot be used
+ * @property {() => void} close gives back what reading from it holds
+ *
+ * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string,
+ * import("./runs.js").RunFolder> }} Found
+ */
+
+const READERS = 8;
+/** Enough to tell what a file is. */
+const HEAD_BYTES = 4096;
+/** Archives around an archive. */
+const MAX_DEPTH = 2;
+/** Names of files that are meant to be read. */
+const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|npz|zip)$/i;
+const NOTHING = new Uint8Array();
+/** @type {Readonly<Found>} */
+const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map() };
+
+/**
+ * Says what files are, and what is in those that hold others.
+ * @param {Source[]} sources
+ * @param {(done: number, total: number) => void} onProgress
+ * @param {number} [depth] of archives around them
+ * @returns {Promise<Found>}
+ */
+export async function identify(sources, onProgress, depth = 0) {
+  const { runs, rest } = splitRuns(sources);
+  /** @type {Found} */
+  const found = { images: [], entries: [], containers: [], runs };
+  const others = [];
+  for (const source of rest) {
+    // Most files are images. Their names identify them, so that none is opened for it.
+    if (classify(source.path, NOTHING).role === "image") found.images.push(source);
+    else others.push(source);
+  }
+  let done = sources.length - others.length;
+  const parts = await mapBounded(others, READERS, async (source) => {
+    const part = await open(source, depth);
+    onProgress(++done, sources.length);
+    return part;
+  });
+  for (const { images, entries, containers, runs } of parts) {
+    for (const image of images) found.images.push(image);
+    found.entries.push(...entries);
+    found.containers.push(...containers);
+    for (const [name, run] of runs) found.runs.set(name, run);
+  }
+  return found;
+}
+
+/**
+ * @param {Source} source
+ * @param {number} depth
+ * @returns {Promise<Found>}
+ */
+async function open(source, depth) {
+  const { path } = source;
+  try {
+    const unpacked = { path, blob: await blobOf(source) };
+    const head = await bytesOf(unpacked, HEAD_BYTES);
+    const { role, reason, guess } = classify(path, head);
+    switch (role) {
+      case "archive":
+        return await inArchive(unpacked, depth);
+      case "recording":
+        return await inRecording(unpacked, reason);
+      case "video":
+        return await inVideo(unpacked);
+      case "image":
+      case "unknown":
+        if (NAMED.test(path)) refuseUnreadable(path, head);
+        // The content of a file that is not used need not be kept.
+        return only(entryOf(source, { role: "unknown", by: "file", reason }));
+      default:
+        refuseUnreadable(path, head);
+        return only(entryOf(unpacked, { role, by: guess ? "guess" : "file", reason }));
+    }
+  } catch (error) {
+    const entry = entryOf(source, { role: "unknown", by: "file", reason: "" });
+    const parsed = /** @type {const} */ ({ state: "broken", cause: null });
+    return only({ ...entry, parsed: { ...parsed, error: readError(error, path) } });
+  }
+}
+
+/**
+ * Rejects a file whose true fault the reader of its format would not name.
+ * @param {string} path
+ * @param {Uint8Array} head
+ */
+function refuseUnreadable(path, head) {
+  if (head.length === 0) throw new Error(`${path} is empty; expected a file with content`);
+  const isUtf16 = (head[0] === 0xff && head[1] === 0xfe) || (head[0] === 0xfe && head[1] === 0xff);
+  if (isUtf16) throw new Error(`${path} is text in UTF-16; save it as UTF-8`);
+}
+
+/**
+ * @param {Container["kind"]} kind
+ * @param {string} path
+ * @param {string} [folder]
+ * @returns {Container}
+ */
+function containerOf(kind, path, folder = path) {
+  return { path, folder, kind, contents: "", error: "", problems: [], close: () => {} };
+}
+
+/**
+ * @param {Source} archive
+ * @param {number} depth
+ * @returns {Promise<Found>}
+ */
+async function inArchive(archive, depth) {
+  const { path } = archive;
+  const container = containerOf("archive", path);
+  /** @type {Found} */
+  let found = { ...NOTHING_FOUND };
+  try {
+    if (depth > MAX_DEPTH) {
+      throw new Error(
+        `${path} is nested in ${depth} other archives; expected at most ${MAX_DEPTH}: unpack ` +
+          "the outer one",
+      );
+    }
+    const { sources, problems } = await openArchive(archive);
+    container.contents = count(sources.length, "file");
+    container.problems = problems;
+    if (sources.length === 0 && problems.length > 0) {
+      throw new Error(`no file in ${path} can be unpacked: ${problems[0]}`);
+    }
+    found = await identify(sources, () => {}, depth + 1);
+  } catch (error) {
+    container.error = readError(error, path);
+  }
+  return { ...found, containers: [container, ...found.containers] };
+}
+
+/**
+ * @param {Source} recording
+ * @param {string} reason
+ * @returns {Promise<Found>}
+ */
+async function inRecording(recording, reason) {
+  const container = containerOf("recording", recording.path);
+  try {
+    const { frames, arrays, error } = await openRecording(recording);
+    container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
+    if (error) container.problems.push(error);
+    const entries = [];
+    if (arrays.hasPoints) {
+      const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
+      const grounds = `points of a recording; ${reason}`;
+      entries.push(entryOf(recording, { ...taken, reason: grounds }, arrays));
+      container.contents += " and points";
+    } else arrays.free();
+    return { ...NOTHING_FOUND, images: frames, entries, containers: [container] };
+  } catch (error) {
+    container.error = readError(error, recording.path);
+    return { ...NOTHING_FOUND, containers: [container] };
+  }
+}
+
+/**
+ * @param {Source} video
+ * @returns {Promise<Found>}
+ */
+async function inVideo(video) {
+  const container = containerOf("video", video.path, folderOf(video.path));
+  try {
+    const { frames, contents, close } = await openVideo(video);
+    Object.assign(container, { contents, close });
+    return { ...NOTHING_FOUND, images: frames, containers: [container] };
+  } catch (error) {
+    container.error = readError(error, video.path);
+    return { ...NOTHING_FOUND, containers: [container] };
+  }
+}
+
+/**
+ * @param {Entry} entry
+ * @returns {Found}
+ */
+function only(entry) {
+  return { ...NOTHING_FOUND, entries: [entry] };
+}

@@ -1,0 +1,167 @@
+// @ts-check
+/** What the user should know, with the remedy where the page has one. */
+
+import { messageOf, reasonOf } from "../errors.js";
+
+/**
+ * @typedef {import("../errors.js").Reason} Reason
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
+ * @typedef {{ label: string, run: () => void }} Action
+ *
+ * @typedef {object} Problem
+ * @property {"error" | "warning" | "info"} kind
+ * @property {string} text
+ * @property {Action} [action]
+ */
+
+/** Says `change` when it is told that a group of changes is complete. */
+export class Problems extends EventTarget {
+  /** By what they are about. @type {Map<string, Problem>} */
+  #problems = new Map();
+  /** Texts that the user has put away for good. @type {Set<string>} */
+  #dismissed = new Set();
+
+  /**
+   * @param {string} key
+   * @param {Problem["kind"]} kind
+   * @param {string} text
+   * @param {Action} [action]
+   */
+  report(key, kind, text, action) {
+    this.#problems.set(key, { kind, text, action });
+  }
+
+  /**
+   * Reports an error with the remedy for its cause.
+   * @param {string} key
+   * @param {unknown} error
+   * @param {Remedies} [remedies]
+   */
+  fail(key, error, remedies = {}) {
+    this.report(key, "error", messageOf(error), remedyOf(error, remedies));
+  }
+
+  /**
+   * Reports a choice between files, unless the user has dismissed it.
+   * @param {string} key
+   * @param {Problem["kind"]} kind
+   * @param {string} text
+   * @param {Action} action
+   */
+  offer(key, kind, text, action) {
+    if (!this.#dismissed.has(text)) this.report(key, kind, text, action);
+  }
+
+  /** @param {string} key */
+  delete(key) {
+    return this.#problems.delete(key);
+  }
+
+  /**
+   * Forgets all but these.
+   * @param {string[]} kept
+   */
+  settle(kept) {
+    for (const key of this.#problems.keys()) if (!kept.includes(key)) this.#problems.delete(key);
+  }
+
+  clear() {
+    this.#problems.clear();
+    this.#dismissed.clear();
+  }
+
+  /**
+   * Puts a problem away.
+   * @param {string} key
+   */
+  dismiss(key) {
+    const problem = this.#problems.get(key);
+    if (problem) this.#dismissed.add(problem.text);
+    this.#problems.delete(key);
+    this.changed();
+  }
+
+  changed() {
+    this.dispatchEvent(new Event("change"));
+  }
+
+  /** @returns {({ key: string } & Problem)[]} */
+  get all() {
+    return Array.from(this.#problems, ([key, problem]) => ({ key, ...problem }));
+  }
+}
+
+/**
+ * What the page can do about a fault, by the remedy.
+ * @typedef {{ leaveOut?: () => void }} Remedies
+ */
+
+/** The remedy for a fault, by the type of its reason. @type {Map<string, keyof Remedies>} */
+const REMEDIES = new Map([["nonFinite", "leaveOut"]]);
+
+/** @type {Record<keyof Remedies, string>} */
+const LABELS = { leaveOut: "Leave these frames out" };
+
+/**
+ * The other way to read a table that looks wrong, by the type of the reason: what it looks like,
+ * and how to read it then.
+ * @type {Map<string, { text: string, label: string, options: TableOptions }>}
+ */
+const READINGS = new Map([
+  [
+    "looksLikePixels",
+    {
+      text: "its coordinates look like pixels, but are read as ndc (−1 to +1)",
+      label: "Read as pixels",
+      options: { space: "px" },
+    },
+  ],
+  [
+    "looksLikeNdc",
+    {
+      text: "its coordinates look like ndc (−1 to +1), but are read as pixels",
+      label: "Read as ndc",
+      options: { space: "ndc" },
+    },
+  ],
+  [
+    "looksLikeFractions",
+    {
+      text:
+        "no coordinate is negative, as in a unit from 0 to 1; expected ndc, −1 to +1 across the " +
+        "image, or pixels",
+      label: "Read as pixels",
+      options: { space: "px" },
+    },
+  ],
+]);
+
+/**
+ * Asks how to read a table that looks as if it were in another unit.
+ * @param {Problems} problems
+ * @param {string} path
+ * @param {Reason[]} reasons of the table
+ * @param {(options: TableOptions) => void} read
+ */
+export function askForReading(problems, path, reasons, read) {
+  for (const { type } of reasons) {
+    const reading = READINGS.get(type);
+    if (!reading) continue;
+    problems.offer(`reading ${path}`, "warning", `${path}: ${reading.text}.`, {
+      label: reading.label,
+      run: () => read(reading.options),
+    });
+  }
+}
+
+/**
+ * The button for an error, when its cause has a remedy that is at hand.
+ * @param {unknown} error
+ * @param {Remedies} remedies
+ * @returns {Action | undefined}
+ */
+function remedyOf(error, remedies) {
+  const remedy = REMEDIES.get(reasonOf(error)?.type ?? "");
+  const run = remedy && remedies[remedy];
+  return remedy && run ? { label: LABELS[remedy], run } : undefined;
+}

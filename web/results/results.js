@@ -1,0 +1,104 @@
+// @ts-check
+/**
+ * The results: tracking capability, a card per object, the figures, other metrics, and the export.
+ */
+
+import { announce, byId, fill, h } from "../ui/dom.js";
+import { fixed } from "../ui/format.js";
+import { capabilityView } from "./capability.js";
+import { card } from "./cards.js";
+import { contextView } from "./context.js";
+import { exportView } from "./export.js";
+import { matrixView } from "./matrix.js";
+import { sequencesView } from "./sequences.js";
+import { summaryView, tally } from "./summary.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {{ element: HTMLElement, update: () => void }} View
+ */
+
+/** @param {Session} session */
+export function showResults(session) {
+  const place = byId("results");
+  /** What follows the evaluation. @type {View[]} */
+  let views = [];
+  /** @type {View[]} */
+  let cards = [];
+  /** @type {View | null} */
+  let matrix = null;
+  /** @type {View | null} */
+  let sequences = null;
+  /** What the cards and the sequences were last shown for. */
+  let shown = "";
+
+  const rebuild = () => {
+    const wasShown = views.length > 0;
+    views = [];
+    if (!session.score.evaluation) {
+      place.hidden = true;
+      fill(place);
+      delete place.dataset.tc;
+      if (wasShown) announce("There is no score any more.");
+      return;
+    }
+    const summary = summaryView(session);
+    cards = session.score.evaluation.objects.map((_, object) => card(session, object));
+    matrix = matrixView(session);
+    const capability = capabilityView(session);
+    sequences = sequencesView(session);
+    const context = contextView(session);
+    const taking = exportView(session);
+    views = [summary, ...cards, matrix, capability, sequences, context, taking];
+    fill(
+      place,
+      ...summary.elements,
+      h("ul", { class: "cards" }, ...cards.map(({ element }) => element)),
+      matrix.element,
+      h("div", { class: "figure-pair" }, sequences.element, capability.element),
+      context.element,
+      taking.element,
+    );
+    update();
+    const { tc, objects } = session.score.evaluation;
+    announce(`Tracking capability ${tc === null ? "unknown" : fixed(tc)}: ${tally(objects)}.`);
+  };
+  const update = () => {
+    place.hidden = session.score.evaluation === null;
+    if (!session.score.evaluation) {
+      delete place.dataset.tc;
+      return;
+    }
+    place.dataset.tc = String(session.score.evaluation.tc);
+    shown = display(session);
+    for (const view of views) view.update();
+  };
+  session.score.addEventListener("scoring", rebuild);
+  session.score.addEventListener("evaluation", () => {
+    // Within one change the new points come with their own event.
+    if (views.length > 0) update();
+  });
+  session.score.addEventListener("intervals", () => {
+    if (views.length > 0) update();
+  });
+  session.score.addEventListener("selection", () => {
+    // While the frames of a sequence go by, nothing here changes.
+    if (views.length === 0 || display(session) === shown) return;
+    shown = display(session);
+    for (const view of cards) view.update();
+    sequences?.update();
+  });
+  session.score.addEventListener("choice", () => {
+    if (views.length > 0) matrix?.update();
+  });
+}
+
+/**
+ * What is on display but for the frame in its sequence.
+ * @param {Session} session
+ */
+function display(session) {
+  const { object, frame } = session.score.selection;
+  const keypoints = session.score.objects.map((_, k) => session.score.keypointOf(k));
+  return [object, session.score.sequenceOf(frame)?.start, ...keypoints].join(" ");
+}
