@@ -1,5 +1,6 @@
 //! Signals that ask a process to end: Ctrl-C, SIGTERM and SIGHUP.
 
+#[cfg(feature = "train")]
 use std::process::Child;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -33,7 +34,7 @@ fn ignore_hangup() -> nix::Result<nix::sys::signal::SigHandler> {
 
 /// Asks a process that this one started to end, as SIGTERM does. One that has ended already is
 /// left alone.
-#[cfg(unix)]
+#[cfg(all(unix, feature = "train"))]
 pub(super) fn end(process: &Child) {
     use nix::sys::signal::{Signal, kill};
     if let Ok(id) = i32::try_from(process.id()) {
@@ -43,5 +44,5 @@ pub(super) fn end(process: &Child) {
 }
 
 /// The console sends Ctrl-C to every process.
-#[cfg(not(unix))]
+#[cfg(all(not(unix), feature = "train"))]
 pub(super) fn end(_: &Child) {}

@@ -7,6 +7,7 @@
 //! first frame of every snippet. An interrupted run resumes after its last whole epoch.
 
 mod dataset;
+mod digest;
 mod events;
 mod lock;
 mod optimizer;

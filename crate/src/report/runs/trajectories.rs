@@ -55,7 +55,8 @@ pub struct Trajectory {
 }
 
 /// A figure of `scenes` side by side, with a row an object: `objects` are its name and a line of
-/// smaller print below it. `name` is the name of its files, see [`FileNames`](crate::report::draw::FileNames).
+/// smaller print below it. `name` is the name of its files, see
+/// [`FileNames`](crate::report::draw::FileNames).
 ///
 /// # Errors
 /// When there is no scene, a scene has another number of objects, or the figure cannot be drawn.
