@@ -89,8 +89,6 @@ export class Session extends EventTarget {
   #paused = false;
   /** The frames done before the user stopped the extraction are scored without the others. */
   #isPartial = false;
-  /** Frames with missing or non-finite keypoints are left out. */
-  #leavesOut = false;
   /** What was made from the files and is made anew when they change. @type {{ free(): void }[]} */
   #derived = [];
 
@@ -440,7 +438,6 @@ export class Session extends EventTarget {
     this.#originSources = [];
     this.#paused = false;
     this.#isPartial = false;
-    this.#leavesOut = false;
   }
 
   /** Gives everything back. */
@@ -601,14 +598,9 @@ export class Session extends EventTarget {
     /** @type {Scoring} */
     let scoring;
     try {
-      scoring = new Scoring(truth, table, this.#leavesOut ? "exclude-frame" : "error");
+      scoring = new Scoring(truth, table);
     } catch (error) {
-      this.problems.fail("scoring", error, {
-        leaveOut: () => {
-          this.#leavesOut = true;
-          void this.#change(async () => {});
-        },
-      });
+      this.problems.fail("scoring", error);
       return;
     }
     this.#derived.push(scoring);
