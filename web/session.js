@@ -423,7 +423,10 @@ export class Session extends EventTarget {
     const blobs = new Set(this.#originSources.map((source) => "blob" in source && source.blob));
     const isOrigin = (/** @type {Source} */ source) => "blob" in source && blobs.has(source.blob);
     const { entries, images } = this.library;
-    for (const entry of entries.filter(({ source }) => isOrigin(source))) this.library.drop(entry);
+    // What was dropped on the example and is of no use goes with it.
+    const isGone = (/** @type {Entry} */ { source, taken }) =>
+      isOrigin(source) || taken.role === "unknown";
+    for (const entry of entries.filter(isGone)) this.library.drop(entry);
     for (const image of [...images.values()].filter(isOrigin)) this.library.dropImage(image.path);
     this.#forgetOrigin();
     this.problems.report("example", "info", "Your files took the place of the example.", {
