@@ -89,8 +89,6 @@ export class Session extends EventTarget {
   #paused = false;
   /** The frames done before the user stopped the extraction are scored without the others. */
   #isPartial = false;
-  /** Frames with missing or non-finite keypoints are left out. */
-  #leavesOut = false;
   /** What was made from the files and is made anew when they change. @type {{ free(): void }[]} */
   #derived = [];
 
@@ -425,7 +423,10 @@ export class Session extends EventTarget {
     const blobs = new Set(this.#originSources.map((source) => "blob" in source && source.blob));
     const isOrigin = (/** @type {Source} */ source) => "blob" in source && blobs.has(source.blob);
     const { entries, images } = this.library;
-    for (const entry of entries.filter(({ source }) => isOrigin(source))) this.library.drop(entry);
+    // What was dropped on the example and is of no use goes with it.
+    const isGone = (/** @type {Entry} */ { source, taken }) =>
+      isOrigin(source) || taken.role === "unknown";
+    for (const entry of entries.filter(isGone)) this.library.drop(entry);
     for (const image of [...images.values()].filter(isOrigin)) this.library.dropImage(image.path);
     this.#forgetOrigin();
     this.problems.report("example", "info", "Your files took the place of the example.", {
@@ -440,7 +441,6 @@ export class Session extends EventTarget {
     this.#originSources = [];
     this.#paused = false;
     this.#isPartial = false;
-    this.#leavesOut = false;
   }
 
   /** Gives everything back. */
@@ -601,14 +601,9 @@ export class Session extends EventTarget {
     /** @type {Scoring} */
     let scoring;
     try {
-      scoring = new Scoring(truth, table, this.#leavesOut ? "exclude-frame" : "error");
+      scoring = new Scoring(truth, table);
     } catch (error) {
-      this.problems.fail("scoring", error, {
-        leaveOut: () => {
-          this.#leavesOut = true;
-          void this.#change(async () => {});
-        },
-      });
+      this.problems.fail("scoring", error);
       return;
     }
     this.#derived.push(scoring);

@@ -257,7 +257,7 @@ function describe(entry) {
     case "result": {
       const { tc, objects, errors, frames, version } = content.saved.evaluation;
       return (
-        `TC ${fixed(tc)} of ${names(objects.map(({ name }) => name))}; ` +
+        `TC ${tc === null ? "unknown" : fixed(tc)} of ${names(objects.map(({ name }) => name))}; ` +
         `${count(errors[0]?.length ?? 0, "keypoint")} in ${count(frames, "frame")}; by tracklens ` +
         version
       );

@@ -1,7 +1,7 @@
 // @ts-check
 /** What the user should know, with the remedy where the page has one. */
 
-import { messageOf, reasonOf } from "../errors.js";
+import { messageOf } from "../errors.js";
 
 /**
  * @typedef {import("../errors.js").Reason} Reason
@@ -32,13 +32,11 @@ export class Problems extends EventTarget {
   }
 
   /**
-   * Reports an error with the remedy for its cause.
    * @param {string} key
    * @param {unknown} error
-   * @param {Remedies} [remedies]
    */
-  fail(key, error, remedies = {}) {
-    this.report(key, "error", messageOf(error), remedyOf(error, remedies));
+  fail(key, error) {
+    this.report(key, "error", messageOf(error));
   }
 
   /**
@@ -92,17 +90,6 @@ export class Problems extends EventTarget {
 }
 
 /**
- * What the page can do about a fault, by the remedy.
- * @typedef {{ leaveOut?: () => void }} Remedies
- */
-
-/** The remedy for a fault, by the type of its reason. @type {Map<string, keyof Remedies>} */
-const REMEDIES = new Map([["nonFinite", "leaveOut"]]);
-
-/** @type {Record<keyof Remedies, string>} */
-const LABELS = { leaveOut: "Leave these frames out" };
-
-/**
  * The other way to read a table that looks wrong, by the type of the reason: what it looks like,
  * and how to read it then.
  * @type {Map<string, { text: string, label: string, options: TableOptions }>}
@@ -152,16 +139,4 @@ export function askForReading(problems, path, reasons, read) {
       run: () => read(reading.options),
     });
   }
-}
-
-/**
- * The button for an error, when its cause has a remedy that is at hand.
- * @param {unknown} error
- * @param {Remedies} remedies
- * @returns {Action | undefined}
- */
-function remedyOf(error, remedies) {
-  const remedy = REMEDIES.get(reasonOf(error)?.type ?? "");
-  const run = remedy && remedies[remedy];
-  return remedy && run ? { label: LABELS[remedy], run } : undefined;
 }

@@ -23,7 +23,7 @@ export class SavedEvaluation {
   static async parse(source) {
     const evaluation = parseEvaluation(await bytesOf(source), source.path);
     const { tc } = evaluation;
-    if (!(tc >= 0 && tc <= 1)) {
+    if (tc !== null && !(tc >= 0 && tc <= 1)) {
       throw new Error(`${source.path}: \`tc\` is ${tc}; expected a share from 0 to 1`);
     }
     return new SavedEvaluation(evaluation);

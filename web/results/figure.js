@@ -22,6 +22,15 @@ const NARROW = 480;
 const SAVED_WIDTH = 880;
 
 /**
+ * @typedef {object} FigureView
+ * @property {HTMLElement} element
+ * @property {HTMLElement} layer over the figure, for what reacts
+ * @property {() => void} update
+ * @property {(text: string | null, x?: number, y?: number) => void} showTip
+ * @property {() => Drawn | null} drawing
+ */
+
+/**
  * A figure with its links to save it, a layer over it for what reacts, and a tip.
  * @param {object} options
  * @param {string} options.id
@@ -30,6 +39,7 @@ const SAVED_WIDTH = 880;
  * of the page, or for a
  *   file; `null` when there is nothing to draw
  * @param {(drawn: Drawn, layer: HTMLElement) => void} [options.drawn] after each drawing
+ * @returns {FigureView}
  */
 export function figureView({ id, label, draw, drawn }) {
   const plate = h("div", { class: "figure-plate", role: "img", "aria-label": label });

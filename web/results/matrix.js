@@ -196,7 +196,7 @@ class Grid {
 /**
  * Describes the cell under the pointer or with the focus.
  * @param {Session} session
- * @param {ReturnType<typeof figureView>} figure
+ * @param {import("./figure.js").FigureView} figure
  * @param {Grid} grid
  */
 function showTips(session, figure, grid) {

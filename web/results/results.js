@@ -4,14 +4,13 @@
  */
 
 import { announce, byId, fill, h } from "../ui/dom.js";
-import { fixed } from "../ui/format.js";
 import { capabilityView } from "./capability.js";
 import { card } from "./cards.js";
 import { contextView } from "./context.js";
 import { exportView } from "./export.js";
 import { matrixView } from "./matrix.js";
 import { sequencesView } from "./sequences.js";
-import { summaryView, tally } from "./summary.js";
+import { summaryView, tally, tcText } from "./summary.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -61,7 +60,7 @@ export function showResults(session) {
     );
     update();
     const { tc, objects } = session.score.evaluation;
-    announce(`Tracking capability ${tc === null ? "unknown" : fixed(tc)}: ${tally(objects)}.`);
+    announce(`Tracking capability ${tcText(tc)}: ${tally(objects)}.`);
   };
   const update = () => {
     place.hidden = session.score.evaluation === null;

@@ -24,6 +24,11 @@ const RANKS = [
 
 const FOLDS = [2, 3, 5, 10];
 
+/** @param {number | null} tc `null`: the data cannot tell tracking from chance */
+export function tcText(tc) {
+  return tc === null ? "unknown" : fixed(tc);
+}
+
 /** @param {{ tracked: boolean }[]} objects */
 export function tally(objects) {
   return (
@@ -45,14 +50,14 @@ export function summaryView(session) {
     if (!evaluation) return;
     const heldOut = session.score.shownHeldOut;
     const tc = heldOut?.tc ?? evaluation.tc;
-    value.textContent = tc === null ? "unknown" : fixed(tc);
+    value.textContent = tcText(tc);
     value.dataset.tc = String(tc);
     share.textContent = tally(heldOut?.objects ?? evaluation.objects);
     const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
     if (heldOut) {
-      const fitted = `Fitted on the same frames: ${evaluation.tc === null ? "unknown" : fixed(evaluation.tc)}`;
+      const fitted = `Fitted on the same frames: ${tcText(evaluation.tc)}`;
       interval.textContent = fitted + (known ? `, 95 % interval ${known}` : "");
     } else {
       const { held_out: beside } = evaluation;
