@@ -1,11 +1,8 @@
 //! The metric against the authors' code (`golden/metric`, computed by it in float32 with PyTorch)
 //! and against properties it must have.
 
-#[path = "metric/missing.rs"]
 mod missing;
-#[path = "metric/range.rs"]
 mod range;
-#[path = "metric/sufficiency.rs"]
 mod sufficiency;
 
 use ndarray::{Array2, Array3, ArrayView3, Axis, Slice};

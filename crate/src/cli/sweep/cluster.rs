@@ -7,11 +7,13 @@ use std::process::Command;
 
 use clap::Args;
 
-use super::{SUBMISSION, lines, open, states};
+use super::plan::open;
+use super::states::{lines, states};
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::sweep::{State, Submission, script};
 
+pub(super) const SUBMISSION: &str = "submission.json";
 const SCRIPT: &str = "sweep.sbatch";
 const COMMANDS: &str = "commands.txt";
 

@@ -1,32 +1,18 @@
 //! `tracklens sweep …`.
 
 mod cluster;
+mod plan;
 mod run;
+mod states;
+mod status;
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use clap::{ArgAction, Args, CommandFactory as _, Parser, Subcommand};
-use serde::Serialize;
+use clap::Subcommand;
 
 use self::cluster::{ExportArguments, SubmitArguments};
+use self::plan::PlanArguments;
 use self::run::RunArguments;
-use super::train::TrainArguments;
-use crate::atomic;
-use crate::error::{Error, ErrorKind, Result};
-use crate::sweep::{
-    Plan, PlannedRun, RunPlace, Setting, SettingKind, State, Submission, SweepFile,
-};
-
-const PLAN: &str = "plan.jsonl";
-const SUBMISSION: &str = "submission.json";
-
-/// What a sweep decides for every run.
-const NOT_SETTINGS: [&str; 8] = [
-    "data", "arch", "out", "seed", "resume", "threads", "quiet", "help",
-];
-/// The options of a training whose values are files.
-const PATHS: [&str; 3] = ["truth", "first-layer", "weights"];
+use self::status::StatusArguments;
+use crate::error::Result;
 
 #[derive(Debug, Subcommand)]
 pub(super) enum SweepCommand {
@@ -44,250 +30,12 @@ pub(super) enum SweepCommand {
     Export(ExportArguments),
 }
 
-#[derive(Debug, Args)]
-pub(super) struct PlanArguments {
-    /// The sweep file
-    #[arg(value_name = "SWEEP.toml")]
-    file: PathBuf,
-    /// Folder of the sweep; default: `out` of the file, else `runs` in its folder
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Write another plan over one that is there; runs are known by their names
-    #[arg(long)]
-    replace: bool,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct StatusArguments {
-    /// Folder of the sweep
-    #[arg(value_name = "DIR")]
-    sweep: PathBuf,
-    /// As JSON
-    #[arg(long)]
-    json: bool,
-    /// Submit the failed and stopped runs again, as they were submitted before
-    #[arg(long)]
-    resubmit: bool,
-}
-
 pub(super) fn run(command: &SweepCommand) -> Result<()> {
     match command {
-        SweepCommand::Plan(arguments) => plan(arguments),
+        SweepCommand::Plan(arguments) => plan::run(arguments),
         SweepCommand::Run(arguments) => run::run(arguments),
-        SweepCommand::Status(arguments) => status(arguments),
+        SweepCommand::Status(arguments) => status::run(arguments),
         SweepCommand::Submit(arguments) => cluster::submit(arguments),
         SweepCommand::Export(arguments) => cluster::export(arguments),
     }
-}
-
-/// `tracklens train` alone, to read the arguments of a run.
-#[derive(Debug, Parser)]
-#[command(name = "train")]
-struct Training {
-    #[command(flatten)]
-    arguments: TrainArguments,
-}
-
-/// The options of a training that a sweep file may give: those of the command line.
-fn settings() -> Vec<Setting> {
-    let command = Training::command();
-    let options = command.get_arguments().filter_map(|argument| {
-        let name = argument.get_long()?;
-        let kind = match argument.get_action() {
-            ArgAction::SetTrue => SettingKind::Switch,
-            _ if PATHS.contains(&name) => SettingKind::Path,
-            _ => SettingKind::Value,
-        };
-        (!NOT_SETTINGS.contains(&name)).then(|| Setting {
-            name: name.to_owned(),
-            kind,
-        })
-    });
-    options.collect()
-}
-
-fn training(run: &PlannedRun, more: &[String]) -> Result<TrainArguments> {
-    let arguments = ["train".to_owned()].into_iter();
-    let all = arguments
-        .chain(run.arguments.iter().cloned())
-        .chain(more.iter().cloned());
-    Training::try_parse_from(all)
-        .map(|training| training.arguments)
-        .map_err(|e| {
-            let text = e.to_string();
-            let said = text
-                .lines()
-                .next()
-                .unwrap_or_default()
-                .trim_start_matches("error: ");
-            Error::input(said).at(&run.run)
-        })
-}
-
-/// Epochs that a run is to have.
-fn epochs(run: &PlannedRun) -> Result<u32> {
-    Ok(training(run, &["--out".to_owned(), run.run.clone()])?.epochs())
-}
-
-fn plan(arguments: &PlanArguments) -> Result<()> {
-    let failed = |e: std::io::Error| Error::io(arguments.file.display(), &e);
-    let text = fs::read_to_string(&arguments.file).map_err(failed)?;
-    // Jobs run elsewhere than here, so that every path is absolute.
-    let file = std::path::absolute(&arguments.file).map_err(failed)?;
-    let folder = file.parent().unwrap_or(Path::new("/"));
-    let sweep =
-        SweepFile::parse(&text, folder, &settings()).map_err(|e| e.at(arguments.file.display()))?;
-    if !sweep.data.exists() {
-        return Err(Error::new(
-            ErrorKind::Io,
-            format!("the data set {} is not there", sweep.data.display()),
-        )
-        .at(arguments.file.display()));
-    }
-    let plan = sweep.plan();
-    for run in &plan.runs {
-        training(run, &["--out".to_owned(), run.run.clone()])?
-            .config()
-            .validate()
-            .map_err(|e| e.at(&run.run))?;
-    }
-    let out = match &arguments.out {
-        Some(out) => std::path::absolute(out).map_err(|e| Error::io(out.display(), &e))?,
-        None => sweep.out,
-    };
-    check_folder(&out)?;
-    fs::create_dir_all(&out).map_err(|e| Error::io(out.display(), &e))?;
-    let path = out.join(PLAN);
-    let text = plan.to_jsonl()?;
-    if let Ok(there) = fs::read_to_string(&path)
-        && there != text
-        && !arguments.replace
-    {
-        return Err(Error::mismatch(
-            "another plan is there, and jobs may be counting its lines; give --replace to write over it, or another \
-             folder with --out",
-        )
-        .at(path.display()));
-    }
-    atomic::write(&path, text.as_bytes())?;
-    eprintln!("{} runs planned in {}", plan.runs.len(), path.display());
-    say!("{}", out.display());
-    Ok(())
-}
-
-/// Refuses a folder whose path would break the scripts and lists of commands that name it.
-fn check_folder(folder: &Path) -> Result<()> {
-    match folder.to_string_lossy().contains(char::is_control) {
-        true => Err(Error::input(format!(
-            "the folder of the sweep, {folder:?}, has a line break or another control character in its path; use another \
-             folder"
-        ))),
-        false => Ok(()),
-    }
-}
-
-/// The plan of a sweep, and its folder as an absolute path.
-fn open(sweep: &Path) -> Result<(Plan, PathBuf)> {
-    let folder = std::path::absolute(sweep).map_err(|e| Error::io(sweep.display(), &e))?;
-    check_folder(&folder)?;
-    let path = folder.join(PLAN);
-    let text = fs::read_to_string(&path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::NotFound => Error::new(
-            ErrorKind::Io,
-            format!("holds no {PLAN}; make one with `tracklens sweep plan SWEEP.toml`"),
-        )
-        .at(sweep.display()),
-        _ => Error::io(path.display(), &e),
-    })?;
-    let plan = Plan::parse(&text).map_err(|e| e.at(path.display()))?;
-    Ok((plan, folder))
-}
-
-/// One run of `sweep status --json`.
-#[derive(Serialize)]
-struct RunStatus<'a> {
-    line: usize,
-    run: &'a str,
-    /// Epochs that it is to have.
-    planned_epochs: u32,
-    #[serde(flatten)]
-    state: State,
-}
-
-/// The epochs that a run is to have, and its state. A run whose arguments cannot be read has failed.
-fn state(folder: &Path, run: &PlannedRun) -> (u32, State) {
-    match epochs(run) {
-        Ok(epochs) => (epochs, RunPlace::new(folder, &run.run).state(epochs)),
-        Err(e) => {
-            let error = e.to_string();
-            (0, State::Failed { error, epochs: 0 })
-        }
-    }
-}
-
-fn states(plan: &Plan, folder: &Path) -> Vec<(u32, State)> {
-    plan.runs.iter().map(|run| state(folder, run)).collect()
-}
-
-fn status(arguments: &StatusArguments) -> Result<()> {
-    let (plan, folder) = open(&arguments.sweep)?;
-    let states = states(&plan, &folder);
-    if arguments.json {
-        let runs = plan.runs.iter().zip(&states).enumerate();
-        let runs: Vec<RunStatus> = runs
-            .map(|(i, (run, (planned_epochs, state)))| RunStatus {
-                line: i + 1,
-                run: &run.run,
-                planned_epochs: *planned_epochs,
-                state: state.clone(),
-            })
-            .collect();
-        let text = serde_json::to_string_pretty(&runs).map_err(|e| Error::input(e.to_string()))?;
-        say!("{text}");
-    } else {
-        let count = |is: fn(&State) -> bool| states.iter().filter(|(_, state)| is(state)).count();
-        say!(
-            "{} runs: {} done, {} running, {} failed, {} stopped, {} missing",
-            states.len(),
-            count(|s| matches!(s, State::Done)),
-            count(|s| matches!(s, State::Running { .. })),
-            count(|s| matches!(s, State::Failed { .. })),
-            count(|s| matches!(s, State::Stopped { .. })),
-            count(|s| matches!(s, State::Missing)),
-        );
-        for (i, (run, (planned, state))) in plan.runs.iter().zip(&states).enumerate() {
-            let text = match state {
-                State::Done | State::Missing => continue,
-                State::Running { holder, epochs } => {
-                    format!("running, epoch {epochs} of {planned}: {holder}")
-                }
-                State::Failed { error, epochs } => {
-                    format!("failed after epoch {epochs} of {planned}: {error}")
-                }
-                State::Stopped { epochs } => format!("stopped after epoch {epochs} of {planned}"),
-            };
-            say!("{:>5}  {}  {text}", i + 1, run.run);
-        }
-    }
-    if !arguments.resubmit {
-        return Ok(());
-    }
-    let path = folder.join(SUBMISSION);
-    let submission = fs::read(&path).map_err(|_| {
-        Error::input("was not submitted before; use `tracklens sweep submit`")
-            .at(arguments.sweep.display())
-    })?;
-    let submission: Submission = serde_json::from_slice(&submission)
-        .map_err(|e| Error::input(e.to_string()).at(path.display()))?;
-    let ended = |state: &State| matches!(state, State::Failed { .. } | State::Stopped { .. });
-    cluster::sbatch(&submission, &lines(&states, ended), &folder, false)
-}
-
-/// The lines, counted from 1, of the runs in a state.
-fn lines(states: &[(u32, State)], wanted: impl Fn(&State) -> bool) -> Vec<usize> {
-    let found = states
-        .iter()
-        .enumerate()
-        .filter(|(_, (_, state))| wanted(state));
-    found.map(|(i, _)| i + 1).collect()
 }

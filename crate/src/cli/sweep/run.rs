@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use super::{PLAN, epochs, open, state, training};
+use super::plan::{PLAN, epochs, open, training};
+use super::states::state;
 use crate::cli::extract::cancel_on_interrupt;
 use crate::cli::train;
 use crate::error::{Error, ErrorKind, Result};
