@@ -447,7 +447,7 @@ export interface Evaluation {
   };
   /** Whether the data were enough to tell tracking from chance, by object. */
   sufficiency?: Sufficiency[];
-  /** With `folds`. */
+  /** Where there are two sequences or more, unless `folds` is 0. */
   held_out?: HeldOut;
   /** With `bootstrap`. */
   intervals?: Intervals;

@@ -198,6 +198,11 @@ export class Score extends EventTarget {
     this.#evaluate();
   }
 
+  /** The held-out errors, if they are asked for in place of those on the same frames. */
+  get shownHeldOut() {
+    return this.folds > 0 ? this.evaluation?.held_out : undefined;
+  }
+
   /** The number of folds that are held out; no more than there are sequences. */
   get folds() {
     const folds = Math.min(this.resampling.folds, this.sequences.length);

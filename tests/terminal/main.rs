@@ -6,6 +6,9 @@ mod runs;
 mod cli;
 mod cli_checkpoint;
 mod evaluation;
+#[cfg(all(feature = "train", unix))]
+mod integrity;
+mod mutations;
 mod recorder;
 mod report;
 #[cfg(all(feature = "train", unix))]

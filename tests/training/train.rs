@@ -15,7 +15,7 @@ use tracklens::run::{
     BackgroundStart, CONFIG, EpochLog, LOG, RunConfig, SUMMARY, Split, TrainConfig, TrainSummary,
     ValidationFrames, read_log,
 };
-use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunOptions, train};
+use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunLock, RunOptions, train};
 
 fn recording() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push")
@@ -78,7 +78,15 @@ fn attempt(
         existing,
         tensorboard: false,
     };
-    train(config, &dataset, &weights, out, options, report, cancel)
+    train(
+        config,
+        &dataset,
+        &weights,
+        &RunLock::take(out)?,
+        options,
+        report,
+        cancel,
+    )
 }
 
 fn run(config: &TrainConfig, out: &Path) -> TrainSummary {
@@ -431,7 +439,7 @@ fn a_small_cache_changes_no_weight() {
             &config,
             &dataset,
             &start,
-            &out,
+            &RunLock::take(&out).expect("the folder"),
             RunOptions {
                 existing: Existing::Refuse,
                 tensorboard: false,

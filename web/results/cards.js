@@ -56,7 +56,7 @@ export function card(session, object) {
     const { evaluation } = session.score;
     const result = evaluation?.objects[object];
     if (!evaluation || !result) return;
-    const heldOut = evaluation.held_out?.objects[object];
+    const heldOut = session.score.shownHeldOut?.objects[object];
     const shown = heldOut ?? result;
     Object.assign(element.dataset, {
       tracked: String(result.tracked),
@@ -135,9 +135,12 @@ function factsOf(session, object, result) {
       `no. ${keypoint}`,
     );
   const interval = intervalOf(session, object);
+  const { shownHeldOut } = session.score;
+  const beside = !shownHeldOut && evaluation?.held_out?.objects[object];
   return [
-    evaluation?.held_out && fact("Fitted on the same frames", significant(result.error)),
-    evaluation?.held_out && interval && fact("95 % interval there", interval),
+    shownHeldOut && fact("Fitted on the same frames", significant(result.error)),
+    shownHeldOut && interval && fact("95 % interval there", interval),
+    beside && fact("On held-out sequences", significant(beside.error)),
     fact("Best keypoint", best === null ? "–" : `no. ${best}`),
     second && fact("Second best", look(second.keypoint), ` ${significant(second.error)}`),
     displayed !== null &&

@@ -16,160 +16,209 @@ const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRi
 
 /** @param {Session} session */
 export function matrixView(session) {
+  const { score } = session;
   const note = h("p", { class: "hint-line" });
   const reset = h(
     "button",
-    {
-      type: "button",
-      class: "button",
-      id: "choose-best",
-      onclick: () => session.score.chooseBest(),
-    },
+    { type: "button", class: "button", id: "choose-best", onclick: () => score.chooseBest() },
     "Back to the best keypoints",
   );
-  /** The cell that the keys move from. */
-  let at = { object: 0, keypoint: 0 };
-  /** @type {HTMLElement[][]} */
-  let cells = [];
-
+  const grid = new Grid(session);
   const figure = figureView({
     id: "errors",
     label: "Tracking error of every keypoint for every object",
     draw: (theme, width) => {
-      const { evaluation } = session.score;
+      const { evaluation } = score;
       if (!evaluation) return null;
-      const chosen = Int32Array.from(evaluation.objects, (_, k) =>
-        session.score.isChosen(k) ? (session.score.keypointOf(k) ?? -1) : -1,
+      const chosen = evaluation.objects.map((_, k) =>
+        score.isChosen(k) ? (score.keypointOf(k) ?? -1) : -1,
       );
-      return matrixFigure(evaluation, chosen, theme, width);
+      return matrixFigure(evaluation, Int32Array.from(chosen), theme, width);
     },
-    drawn: (drawn, layer) => {
-      const { evaluation } = session.score;
-      if (!evaluation) return;
-      const [left, top, width, height] = drawn.plot;
-      const columns = evaluation.errors[0].length;
-      const focused = layer.contains(document.activeElement);
-      cells = evaluation.errors.map((errors, object) =>
-        errors.map((_, keypoint) => {
-          const cell = h("div", {
-            role: "gridcell",
-            class: "matrix-cell",
-            tabIndex: -1,
-            "aria-label": describe(session, object, keypoint),
-            "aria-selected": String(session.score.keypointOf(object) === keypoint),
-            data: { object, keypoint },
-          });
-          cell.style.width = `${width / columns}px`;
-          return cell;
-        }),
-      );
-      const rows = cells.map((row) => h("div", { role: "row", class: "matrix-row" }, ...row));
-      const grid = h(
-        "div",
-        { role: "grid", class: "matrix-grid", "aria-label": "Errors by object and keypoint" },
-        ...rows,
-      );
-      Object.assign(grid.style, {
-        left: `${left}px`,
-        top: `${top}px`,
-        width: `${width}px`,
-        height: `${height}px`,
-      });
-      fill(layer, grid);
-      at = {
-        object: Math.min(at.object, cells.length - 1),
-        keypoint: Math.min(at.keypoint, columns - 1),
-      };
-      const current = cells[at.object][at.keypoint];
-      current.tabIndex = 0;
-      if (focused) current.focus({ preventScroll: true });
-    },
+    drawn: (drawn, layer) => grid.rebuild(drawn, layer),
   });
+  showTips(session, figure, grid);
+  grid.listen(figure.layer);
+  const title = h("h3", { id: "matrix-title" }, "Every keypoint for every object");
+  const element = h(
+    "section",
+    { class: "panel", "aria-labelledby": "matrix-title" },
+    h("div", { class: "panel-head" }, title, reset),
+    note,
+    figure.element,
+  );
+  const update = () => {
+    const chosen = score.objects.filter((_, object) => score.isChosen(object));
+    reset.hidden = chosen.length === 0;
+    note.textContent = chosen.length === 0 ? legendText(session) : chosenText(session, chosen);
+    figure.update();
+  };
+  return { element, update };
+}
 
-  const cellOf = (/** @type {Event} */ event) =>
-    event.target instanceof HTMLElement && event.target.dataset.keypoint !== undefined
-      ? event.target
-      : null;
+/** @param {Session} session */
+function legendText({ score }) {
+  const legend =
+    "Brighter is closer. Outlined: the best keypoint. A dot: the error is at most the threshold.";
+  const way = " Choose a cell to see that keypoint in the frames and plots.";
+  return legend + (score.scoring ? way : "");
+}
+
+/**
+ * @param {Session} session
+ * @param {string[]} objects shown with other keypoints than the best ones
+ */
+function chosenText({ score }, objects) {
+  const pairs = objects.map(
+    (name) => `${name} with keypoint ${score.keypointOf(score.objects.indexOf(name))}`,
+  );
+  return (
+    `Shown in the frames and plots: ${pairs.join(", ")}. The score stays that of the best ` +
+    "keypoints."
+  );
+}
+
+/** The cells over the figure: a grid that is moved through by keys. */
+class Grid {
+  /** By object and keypoint. @type {HTMLElement[][]} */
+  cells = [];
+  #session;
+  /** The cell that the keys move from. */
+  #at = { object: 0, keypoint: 0 };
+
+  /** @param {Session} session */
+  constructor(session) {
+    this.#session = session;
+  }
+
+  /**
+   * @param {import("../pkg/index.js").Drawn} drawn
+   * @param {HTMLElement} layer
+   */
+  rebuild({ plot: [left, top, width, height] }, layer) {
+    const { evaluation } = this.#session.score;
+    if (!evaluation) return;
+    const columns = evaluation.errors[0].length;
+    const isFocused = layer.contains(document.activeElement);
+    this.cells = evaluation.errors.map((errors, object) =>
+      errors.map((_, keypoint) => this.#cell(object, keypoint, width / columns)),
+    );
+    const rows = this.cells.map((row) => h("div", { role: "row", class: "matrix-row" }, ...row));
+    const grid = h(
+      "div",
+      { role: "grid", class: "matrix-grid", "aria-label": "Errors by object and keypoint" },
+      ...rows,
+    );
+    const box = { left, top, width, height };
+    for (const [side, value] of Object.entries(box)) grid.style.setProperty(side, `${value}px`);
+    fill(layer, grid);
+    this.#at = {
+      object: Math.min(this.#at.object, this.cells.length - 1),
+      keypoint: Math.min(this.#at.keypoint, columns - 1),
+    };
+    const current = this.cells[this.#at.object][this.#at.keypoint];
+    current.tabIndex = 0;
+    if (isFocused) current.focus({ preventScroll: true });
+  }
+
+  /**
+   * @param {number} object
+   * @param {number} keypoint
+   * @param {number} width
+   */
+  #cell(object, keypoint, width) {
+    const cell = h("div", {
+      role: "gridcell",
+      class: "matrix-cell",
+      tabIndex: -1,
+      "aria-label": describe(this.#session, object, keypoint),
+      "aria-selected": String(this.#session.score.keypointOf(object) === keypoint),
+      data: { object, keypoint },
+    });
+    cell.style.width = `${width}px`;
+    return cell;
+  }
+
+  /** @param {HTMLElement} layer */
+  listen(layer) {
+    layer.addEventListener("click", (event) => {
+      const cell = cellOf(event);
+      if (cell) this.#choose(cell);
+    });
+    layer.addEventListener("keydown", (event) => {
+      const cell = cellOf(event);
+      if (!cell || event.ctrlKey || event.altKey || event.metaKey) return;
+      if (event.key === "Enter" || event.key === " ") this.#choose(cell);
+      else {
+        const next = this.#neighbour(positionOf(cell), event.key);
+        if (!next) return;
+        this.#move(next);
+      }
+      event.preventDefault();
+    });
+  }
+
+  /**
+   * Where a key leads to, which may be outside; `null` for other keys.
+   * @param {{ object: number, keypoint: number }} from
+   * @param {string} key
+   */
+  #neighbour({ object, keypoint }, key) {
+    if (key === "Home") return { object, keypoint: 0 };
+    if (key === "End") return { object, keypoint: this.cells[0].length - 1 };
+    if (!(key in STEPS)) return null;
+    const [down, right] = STEPS[key];
+    return { object: object + down, keypoint: keypoint + right };
+  }
+
+  /** @param {{ object: number, keypoint: number }} next */
+  #move(next) {
+    const target = this.cells[next.object]?.[next.keypoint];
+    if (!target) return;
+    this.cells[this.#at.object][this.#at.keypoint].tabIndex = -1;
+    this.#at = next;
+    target.tabIndex = 0;
+    target.focus();
+  }
+
+  /** @param {HTMLElement} cell */
+  #choose(cell) {
+    const { score } = this.#session;
+    const { object, keypoint } = positionOf(cell);
+    this.#at = { object, keypoint };
+    const best = score.evaluation?.objects[object].best_keypoint;
+    // Of a saved evaluation there is nothing else to show with another keypoint.
+    if (best === null || best === undefined || !score.scoring) return;
+    score.choose(object, keypoint === best ? null : keypoint);
+  }
+}
+
+/**
+ * Describes the cell under the pointer or with the focus.
+ * @param {Session} session
+ * @param {ReturnType<typeof figureView>} figure
+ * @param {Grid} grid
+ */
+function showTips(session, figure, grid) {
   const tell = (/** @type {Event} */ event) => {
     const cell = cellOf(event);
     const drawn = figure.drawing();
     if (!cell || !drawn) return figure.showTip(null);
     const { object, keypoint } = positionOf(cell);
     const [left, top, width, height] = drawn.plot;
-    const x = left + ((keypoint + 0.5) * width) / cells[0].length;
-    figure.showTip(
-      describe(session, object, keypoint),
-      x,
-      top + ((object + 1) * height) / cells.length,
-    );
-  };
-  const choose = (/** @type {HTMLElement} */ cell) => {
-    at = positionOf(cell);
-    const best = session.score.evaluation?.objects[at.object].best_keypoint;
-    // Of a saved evaluation there is nothing else to show with another keypoint.
-    if (best === null || best === undefined || !session.score.scoring) return;
-    session.score.choose(at.object, at.keypoint === best ? null : at.keypoint);
+    const x = left + ((keypoint + 0.5) * width) / grid.cells[0].length;
+    const y = top + ((object + 1) * height) / grid.cells.length;
+    figure.showTip(describe(session, object, keypoint), x, y);
   };
   figure.layer.addEventListener("pointerover", tell);
   figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
   figure.layer.addEventListener("focusin", tell);
   figure.layer.addEventListener("focusout", () => figure.showTip(null));
-  figure.layer.addEventListener("click", (event) => {
-    const cell = cellOf(event);
-    if (cell) choose(cell);
-  });
-  figure.layer.addEventListener("keydown", (event) => {
-    const cell = cellOf(event);
-    if (!cell || event.ctrlKey || event.altKey || event.metaKey) return;
-    const { object, keypoint } = positionOf(cell);
-    const last = cells[0].length - 1;
-    const [down, right] = STEPS[event.key] ?? [0, 0];
-    let next = { object: object + down, keypoint: keypoint + right };
-    if (event.key === "Home") next = { object, keypoint: 0 };
-    else if (event.key === "End") next = { object, keypoint: last };
-    else if (event.key === "Enter" || event.key === " ") choose(cell);
-    else if (!(event.key in STEPS)) return;
-    event.preventDefault();
-    if (!cells[next.object]?.[next.keypoint]) return;
-    cells[at.object][at.keypoint].tabIndex = -1;
-    at = next;
-    const target = cells[next.object][next.keypoint];
-    target.tabIndex = 0;
-    target.focus();
-  });
+}
 
-  const element = h(
-    "section",
-    { class: "panel", "aria-labelledby": "matrix-title" },
-    h(
-      "div",
-      { class: "panel-head" },
-      h("h3", { id: "matrix-title" }, "Every keypoint for every object"),
-      reset,
-    ),
-    note,
-    figure.element,
-  );
-  const update = () => {
-    const chosen = session.score.objects.filter((_, object) => session.score.isChosen(object));
-    reset.hidden = chosen.length === 0;
-    note.textContent =
-      chosen.length === 0
-        ? "Brighter is closer. Outlined: the best keypoint. A dot: the error is up to the " +
-          "threshold." +
-          (session.score.scoring
-            ? " Choose a cell to see that keypoint in the frames and plots."
-            : "")
-        : `Shown in the frames and plots: ${chosen
-            .map(
-              (name) =>
-                `${name} with keypoint ` +
-                `${session.score.keypointOf(session.score.objects.indexOf(name))}`,
-            )
-            .join(", ")}. The score stays that of the best keypoints.`;
-    figure.update();
-  };
-  return { element, update };
+/** @param {Event} event */
+function cellOf({ target }) {
+  return target instanceof HTMLElement && target.dataset.keypoint !== undefined ? target : null;
 }
 
 /** @param {HTMLElement} cell */
@@ -190,7 +239,7 @@ function describe(session, object, keypoint) {
   if (error === null || error === undefined) return `${what}: the object is never visible`;
   const notes = [
     error <= result.threshold
-      ? "up to the threshold"
+      ? "within the threshold"
       : `${significant(error / result.threshold)} × the threshold`,
     keypoint === result.best_keypoint && "best",
     session.score.keypointOf(object) === keypoint && "on display",

@@ -43,7 +43,7 @@ export function summaryView(session) {
   const update = () => {
     const { evaluation, intervals } = session.score;
     if (!evaluation) return;
-    const heldOut = evaluation.held_out;
+    const heldOut = session.score.shownHeldOut;
     const tc = heldOut?.tc ?? evaluation.tc;
     value.textContent = tc === null ? "unknown" : fixed(tc);
     value.dataset.tc = String(tc);
@@ -54,12 +54,16 @@ export function summaryView(session) {
     if (heldOut) {
       const fitted = `Fitted on the same frames: ${evaluation.tc === null ? "unknown" : fixed(evaluation.tc)}`;
       interval.textContent = fitted + (known ? `, 95 % interval ${known}` : "");
-    } else
-      interval.textContent = known
-        ? `95 % interval ${known}`
-        : session.score.resampling.intervals
-          ? "Drawing the 95 % interval …"
-          : "";
+    } else {
+      const { held_out: beside } = evaluation;
+      const drawing = session.score.resampling.intervals && "Drawing the 95 % interval …";
+      interval.textContent = [
+        known ? `95 % interval ${known}` : drawing,
+        beside && `On held-out sequences (${beside.folds} folds): ${fixed(beside.tc)}`,
+      ]
+        .filter(Boolean)
+        .join(". ");
+    }
     protocol.textContent = describeProtocol(session, evaluation);
     fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
   };
@@ -120,7 +124,7 @@ function savedNotice({ score: { saved, savedIn } }) {
 function describeProtocol(session, evaluation) {
   const frames = count(evaluation.frames, "frame");
   const size = evaluation.image_size;
-  const { held_out: heldOut } = evaluation;
+  const heldOut = session.score.shownHeldOut;
   const map = heldOut
     ? "The map from keypoint to object and the best keypoint are those of the other sequences, " +
       `in ${heldOut.folds} folds; ` +

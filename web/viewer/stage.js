@@ -11,6 +11,7 @@ import { WHOLE } from "./view.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../files/sources.js").Source} Source
  * @typedef {import("./scene.js").Layer} Layer
  * @typedef {{ layers: Set<Layer>, trail: number }} Look `trail`: how many frames back
  */
@@ -18,104 +19,177 @@ import { WHOLE } from "./view.js";
 /** A keypoint is under the pointer from this far on, in CSS pixels. */
 const REACH = 12;
 
-/**
- * @param {Session} session
- * @param {Look} look
- * @param {(message: string) => void} onProblem why there is no heat map or reconstruction; empty
- * when there is one
- */
-export function stage(session, look, onProblem) {
-  const cache = new ImageCache();
-  const canvas = h("canvas", { id: "stage", class: "stage", role: "img", tabIndex: 0 });
-  let view = WHOLE;
-  /** @type {number | null} */
-  let hovered = null;
-  /** All keypoints of a frame. @type {{ frame: number, points: Float64Array }} */
-  let keypoints = { frame: -1, points: new Float64Array() };
+export class Stage {
+  element;
+  gesture;
 
-  const inside = new Inside((problem) => {
-    onProblem(problem);
-    schedule();
-  });
-  const decoded = h("canvas", { id: "reconstruction", class: "stage", role: "img" });
-  const reconstruction = h(
+  #session;
+  #look;
+  #cache = new ImageCache();
+  #canvas = h("canvas", { id: "stage", class: "stage", role: "img", tabIndex: 0 });
+  #decoded = h("canvas", { id: "reconstruction", class: "stage", role: "img" });
+  #reconstruction = h(
     "figure",
     { class: "reconstruction", hidden: true },
-    decoded,
+    this.#decoded,
     h("figcaption", {}, "Reconstruction"),
   );
-  const element = h("div", { class: "stage-row" }, canvas, reconstruction);
+  #inside;
+  #view = WHOLE;
+  /** The keypoint under the pointer. @type {number | null} */
+  #hovered = null;
+  /** All keypoints of a frame. @type {{ frame: number, points: Float64Array }} */
+  #keypoints = { frame: -1, points: new Float64Array() };
+  #isScheduled = false;
+  /** Tells a drawing that another one began while it waited. */
+  #ticket = 0;
 
-  let scheduled = false;
-  /** Draws with the next frame of the display. */
-  const schedule = () => {
-    if (scheduled) return;
-    scheduled = true;
-    requestAnimationFrame(() => {
-      scheduled = false;
-      void draw();
+  /**
+   * @param {Session} session
+   * @param {Look} look
+   * @param {(message: string) => void} onProblem why there is no heat map or reconstruction; empty
+   * when there is one
+   */
+  constructor(session, look, onProblem) {
+    this.#session = session;
+    this.#look = look;
+    this.#inside = new Inside((problem) => {
+      onProblem(problem);
+      this.draw();
     });
-  };
+    this.element = h("div", { class: "stage-row" }, this.#canvas, this.#reconstruction);
+    this.#canvas.addEventListener("pointermove", (event) => this.#hover(this.#under(event)));
+    this.#canvas.addEventListener("pointerleave", () => this.#hover(null));
+    this.gesture = gestures(this.#canvas, {
+      onView: (next) => {
+        this.#view = next;
+        this.draw();
+      },
+      onClick: (event) => {
+        const keypoint = this.#under(event);
+        if (keypoint !== null) session.score.choose(session.score.selection.object, keypoint);
+      },
+    });
+    new ResizeObserver(() => this.draw()).observe(this.#canvas);
+    window.addEventListener("resize", () => this.draw());
+  }
 
-  const keypointsOf = (/** @type {number} */ frame) => {
-    if (keypoints.frame !== frame) keypoints = { frame, points: session.score.keypointsAt(frame) };
-    return keypoints.points;
-  };
+  /** Draws with the next frame of the display. */
+  draw() {
+    if (this.#isScheduled) return;
+    this.#isScheduled = true;
+    requestAnimationFrame(() => {
+      this.#isScheduled = false;
+      void this.#draw();
+    });
+  }
 
-  let ticket = 0;
-  const draw = async () => {
-    const { frame, object } = session.score.selection;
-    const mine = ++ticket;
-    const source = session.score.picture(frame);
-    let image = source ? cache.peek(source) : null;
+  /** Forgets the images: other files came. */
+  reset() {
+    this.#ticket++;
+    this.#hovered = null;
+    this.#keypoints = { frame: -1, points: new Float64Array() };
+    this.#cache.clear();
+    this.#inside.clear();
+  }
+
+  /**
+   * Decodes the image of a frame that is shown soon.
+   * @param {number} frame
+   */
+  prepare(frame) {
+    const source = this.#session.score.picture(frame);
+    if (source) void this.#cache.load(source);
+  }
+
+  async #draw() {
+    const { score } = this.#session;
+    const { frame } = score.selection;
+    const mine = ++this.#ticket;
+    const source = score.picture(frame);
+    let image = source ? this.#cache.peek(source) : null;
     if (source && image === undefined) {
-      image = await cache.load(source);
+      image = await this.#cache.load(source);
       // Another frame was asked for meanwhile, or other files came.
-      if (mine !== ticket) return;
+      if (mine !== this.#ticket) return;
     }
-    if (!session.score.scoring) return;
-    const size = image ?? sizeOfPlate(session);
+    if (!score.scoring) return;
+    const context = this.#fit(image ?? sizeOfPlate(this.#session));
+    if (!context) return;
+    const heat = this.#paint(context, frame, image ?? null, source);
+    const picture = image ? (source?.path ?? "") : "none";
+    Object.assign(this.#canvas.dataset, { picture, frame: String(frame), heat: String(heat) });
+    this.#drawReconstruction(frame);
+    this.#canvas.setAttribute("aria-label", describe(this.#session));
+  }
+
+  /**
+   * Gives the canvas the shape of an image and the pixels of the display; `null` while it is not
+   * shown.
+   * @param {{ width: number, height: number }} size
+   */
+  #fit(size) {
+    const canvas = this.#canvas;
     canvas.style.aspectRatio = `${size.width} / ${size.height}`;
     canvas.style.maxWidth = `calc(75vh * ${size.width / size.height})`;
     const scale = window.devicePixelRatio;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
       Math.round(side * scale),
     );
-    if (width === 0 || height === 0) return;
-    if (canvas.width !== width || canvas.height !== height)
+    if (width === 0 || height === 0) return null;
+    if (canvas.width !== width || canvas.height !== height) {
       Object.assign(canvas, { width, height });
-    const context = canvas.getContext("2d");
-    if (!context) return;
+    }
+    return canvas.getContext("2d");
+  }
+
+  /**
+   * Whether there is a heat map in it.
+   * @param {CanvasRenderingContext2D} context
+   * @param {number} frame
+   * @param {ImageBitmap | null} image
+   * @param {Source | null} source
+   */
+  #paint(context, frame, image, source) {
+    const { score } = this.#session;
+    const { layers, trail } = this.#look;
+    const { object } = score.selection;
     const missing = source
       ? `${baseName(source.path)} cannot be shown by this browser`
       : "no image of this frame";
-    const start = session.score.sequenceOf(frame)?.start ?? frame;
-    const heat = look.layers.has("heat") && image ? inside.heat(session, frame) : null;
-    paint(context, scale, {
-      image: image ?? null,
-      caption: image || !session.score.hasPictures ? "" : missing,
-      view,
-      series: session.score.series(object),
-      start: Math.max(start, frame - look.trail),
+    const start = score.sequenceOf(frame)?.start ?? frame;
+    const heat = layers.has("heat") && image ? this.#inside.heat(this.#session, frame) : null;
+    paint(context, window.devicePixelRatio, {
+      image,
+      caption: image || !score.hasPictures ? "" : missing,
+      view: this.#view,
+      series: score.series(object),
+      start: Math.max(start, frame - trail),
       frame,
-      layers: look.layers,
-      keypoints: keypointsOf(frame),
-      keypoint: session.score.keypointOf(object),
-      hovered,
+      layers,
+      keypoints: this.#keypointsOf(frame),
+      keypoint: score.keypointOf(object),
+      hovered: this.#hovered,
       heat,
     });
-    canvas.dataset.picture = image ? (source?.path ?? "") : "none";
-    canvas.dataset.frame = String(frame);
-    canvas.dataset.heat = String(heat !== null);
-    drawReconstruction(frame);
-    canvas.setAttribute("aria-label", describe(session));
-  };
+    return heat !== null;
+  }
 
   /** @param {number} frame */
-  const drawReconstruction = (frame) => {
-    reconstruction.hidden = !look.layers.has("image") || !Inside.hasImage(session);
-    if (reconstruction.hidden) return;
-    const image = inside.image(session, frame);
+  #keypointsOf(frame) {
+    if (this.#keypoints.frame !== frame) {
+      this.#keypoints = { frame, points: this.#session.score.keypointsAt(frame) };
+    }
+    return this.#keypoints.points;
+  }
+
+  /** @param {number} frame */
+  #drawReconstruction(frame) {
+    const isHidden = !this.#look.layers.has("image") || !Inside.hasImage(this.#session);
+    this.#reconstruction.hidden = isHidden;
+    if (isHidden) return;
+    const decoded = this.#decoded;
+    const image = this.#inside.image(this.#session, frame);
     decoded.dataset.frame = image ? String(frame) : "";
     // While the next one is made the last one stays.
     if (!image) return;
@@ -124,73 +198,38 @@ export function stage(session, look, onProblem) {
     decoded.getContext("2d")?.putImageData(image, 0, 0);
     decoded.setAttribute(
       "aria-label",
-      `What the decoder makes of the keypoints of frame ${session.score.frameNumbers[frame]}`,
+      `What the decoder makes of the keypoints of frame ${this.#session.score.frameNumbers[frame]}`,
     );
-  };
-
-  // What the pointer is over
+  }
 
   /**
+   * The nearest keypoint within reach of the pointer.
    * @param {PointerEvent} event
-   * @returns {number | null} the nearest keypoint within reach
+   * @returns {number | null}
    */
-  const under = ({ clientX, clientY }) => {
-    if (!session.score.scoring || !look.layers.has("keypoints")) return null;
-    const bounds = canvas.getBoundingClientRect();
-    const place = placing(
-      /** @type {HTMLCanvasElement} */ ({ width: bounds.width, height: bounds.height }),
-      view,
-    );
-    const points = keypointsOf(session.score.selection.frame);
+  #under({ clientX, clientY }) {
+    const { score } = this.#session;
+    if (!score.scoring || !this.#look.layers.has("keypoints")) return null;
+    const { left, top, width, height } = this.#canvas.getBoundingClientRect();
+    const place = placing(/** @type {HTMLCanvasElement} */ ({ width, height }), this.#view);
+    const points = this.#keypointsOf(score.selection.frame);
     let nearest = null;
     let distance = REACH;
     for (let n = 0; 2 * n < points.length; n++) {
       const { x, y } = place(points[2 * n], points[2 * n + 1]);
-      const from = Math.hypot(x + bounds.left - clientX, y + bounds.top - clientY);
+      const from = Math.hypot(x + left - clientX, y + top - clientY);
       if (from < distance) [nearest, distance] = [n, from];
     }
     return nearest;
-  };
-  const hover = (/** @type {number | null} */ next) => {
-    if (next === hovered) return;
-    hovered = next;
-    canvas.dataset.hovered = next === null ? "" : String(next);
-    schedule();
-  };
-  canvas.addEventListener("pointermove", (event) => hover(under(event)));
-  canvas.addEventListener("pointerleave", () => hover(null));
+  }
 
-  const gesture = gestures(canvas, {
-    onView: (next) => {
-      view = next;
-      schedule();
-    },
-    onClick: (event) => {
-      const keypoint = under(event);
-      if (keypoint !== null) session.score.choose(session.score.selection.object, keypoint);
-    },
-  });
-
-  /** Forgets the images: other files came. */
-  const reset = () => {
-    ticket++;
-    hovered = null;
-    keypoints = { frame: -1, points: new Float64Array() };
-    cache.clear();
-    inside.clear();
-  };
-  /**
-   * Decodes the image of a frame that is shown soon.
-   * @param {number} frame
-   */
-  const prepare = (frame) => {
-    const source = session.score.picture(frame);
-    if (source) void cache.load(source);
-  };
-
-  new ResizeObserver(schedule).observe(canvas);
-  window.addEventListener("resize", schedule);
-  return { element, draw: schedule, reset, prepare, gesture };
+  /** @param {number | null} next */
+  #hover(next) {
+    if (next === this.#hovered) return;
+    this.#hovered = next;
+    this.#canvas.dataset.hovered = next === null ? "" : String(next);
+    this.draw();
+  }
 }
 
 /** @param {Session} session */

@@ -10,7 +10,7 @@ import { TRAILS, keepLook, loadLook } from "./look.js";
 import { pickers } from "./pickers.js";
 import { plots } from "./plots.js";
 import { sequenceList } from "./sequences.js";
-import { stage } from "./stage.js";
+import { Stage } from "./stage.js";
 import { transport } from "./transport.js";
 
 /**
@@ -34,8 +34,13 @@ export function showViewer(session) {
   const look = loadLook();
   const note = h("p", { class: "viewer-note" });
   const problem = h("p", { class: "viewer-note", role: "status" });
-  const view = stage(session, look, (message) => (problem.textContent = message));
-  const moving = transport(session, view.prepare, look, () => keepLook(look));
+  const view = new Stage(session, look, (message) => (problem.textContent = message));
+  const moving = transport(
+    session,
+    (frame) => view.prepare(frame),
+    look,
+    () => keepLook(look),
+  );
   const sequences = sequenceList(session);
   const picking = pickers(session);
   const redraw = () => {

@@ -7,6 +7,7 @@
 mod bench;
 mod check;
 mod clean;
+mod fuzz;
 mod package;
 mod run;
 mod serve;
@@ -88,6 +89,19 @@ enum Task {
         #[arg(long, value_name = "PART")]
         only: Option<check::Part>,
     },
+    /// Fuzz every function that takes bytes, with libFuzzer and AddressSanitizer. New inputs are kept
+    /// in cargo's target directory for the next time.
+    Fuzz {
+        /// How long, all fuzzers together, a core each at a time.
+        #[arg(long, value_name = "N", default_value_t = 10)]
+        minutes: u64,
+        /// Only the fuzzers of these names.
+        #[arg(value_name = "NAME")]
+        names: Vec<String>,
+        /// Also sweep files, which builds burn once more, with its checks.
+        #[arg(long)]
+        sweep_files: bool,
+    },
     /// Time a part of tracklens against its peer.
     Bench {
         subject: bench::Subject,
@@ -134,6 +148,11 @@ fn perform(task: Task) -> Result<()> {
             test::run(&workspace, &with)
         }
         Task::Check { only } => check::run(&workspace, only),
+        Task::Fuzz {
+            minutes,
+            names,
+            sweep_files,
+        } => fuzz::run(&workspace, minutes, &names, sweep_files),
         Task::Bench { subject, quick } => bench::run(&workspace, subject, quick),
         Task::Clean { all } => clean::run(&workspace, all),
     }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::TruthArguments;
+use crate::atomic;
 use crate::data::{self, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::JoinReport;
@@ -415,10 +416,7 @@ impl Job<'_> {
             );
         }
         let keys = self.frames.index().keys();
-        let folder = tempfile::Builder::new()
-            .prefix(".tracklens-")
-            .tempdir_in(self.parent)
-            .map_err(|e| self.failed(&e))?;
+        let (folder, _lock) = atomic::temporary_folder(self.parent).map_err(|e| self.failed(&e))?;
         for sequence in self.frames.index().sequences() {
             // Joined to the folder, another path would lead out of it.
             let is_below = Path::new(&sequence.name)
@@ -498,7 +496,7 @@ impl Job<'_> {
         let first = self.frames.read(0)?;
         let size = [first.width(), first.height()];
         let floats = self.frames.has_floats();
-        let file = tempfile::NamedTempFile::new_in(self.parent).map_err(|e| self.failed(&e))?;
+        let file = atomic::temporary_file(self.parent).map_err(|e| self.failed(&e))?;
         let mut npz = NpzWriter::new(BufWriter::new(file));
         let shape = [
             sequences.len(),

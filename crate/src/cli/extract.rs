@@ -12,12 +12,13 @@ use ndarray::Array3;
 use super::device::open_and_tell;
 use super::files::{self, TruthArguments};
 use super::score::ScoringArguments;
+use super::signals;
 use crate::atomic;
 use crate::data::{FrameSource, keypoints_csv};
 use crate::device::DeviceKind;
 #[cfg(not(feature = "gpu"))]
 use crate::device::built_without_gpu;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::event::{Cancel, Event};
 #[cfg(feature = "gpu")]
 use crate::extract::DeviceExtractor;
@@ -211,8 +212,7 @@ impl SourceArguments {
 pub(super) fn cancel_on_interrupt() -> Result<Cancel> {
     let cancel = Cancel::default();
     let switch = cancel.clone();
-    ctrlc::set_handler(move || switch.cancel())
-        .map_err(|e| Error::new(ErrorKind::Io, format!("Ctrl-C cannot be handled: {e}")))?;
+    signals::on_end(move || switch.cancel())?;
     Ok(cancel)
 }
 

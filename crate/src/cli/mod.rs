@@ -14,6 +14,7 @@ mod outcome;
 mod painter;
 mod report;
 mod score;
+mod signals;
 #[cfg(feature = "train")]
 mod sweep;
 #[cfg(feature = "train")]
@@ -38,7 +39,7 @@ struct Arguments {
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 reading or writing failed, 2 wrong arguments, 3 bad input (a \
                           table, an image, a checkpoint), 4 inputs that do not fit each other, 5 numbers that \
-                          allow no answer, 130 cancelled.";
+                          allow no answer, 130 cancelled by Ctrl-C, SIGTERM or SIGHUP.";
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -20,7 +20,7 @@ use crate::run::{
     BackgroundStart, FirstLayer, Split, StartWeights, TargetFilter, TrainConfig, ValidationFrames,
 };
 use crate::sweep::architecture_named;
-use crate::train::{Dataset, Existing, RunOptions, train};
+use crate::train::{Dataset, Existing, RunLock, RunOptions, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
@@ -230,6 +230,12 @@ impl TrainArguments {
 }
 
 pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
+    arguments.config().validate()?;
+    run_in(&RunLock::take(&arguments.out)?, arguments)
+}
+
+/// Trains in a folder that nobody else works in.
+pub(super) fn run_in(lock: &RunLock, arguments: &TrainArguments) -> Result<()> {
     let mut config = arguments.config();
     config.validate()?;
     // Before the long work: a GPU that is not there should not cost minutes.
@@ -287,7 +293,7 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
         &config,
         &dataset,
         &weights,
-        &arguments.out,
+        lock,
         RunOptions {
             existing,
             tensorboard: arguments.tensorboard,
@@ -316,7 +322,7 @@ pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
             errors.join(", ")
         );
     }
-    eprintln!("written to {}", arguments.out.display());
+    eprintln!("written to {}", lock.folder().display());
     if summary.interrupted {
         return Err(Error::cancelled().at(format!("after {} whole epochs", summary.epochs)));
     }

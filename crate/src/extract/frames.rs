@@ -30,7 +30,7 @@ pub fn extract_frames(
             note: String::new(),
         });
     };
-    let found = extractor.extract_range(source, range, &progress, cancel)?;
+    let found = extractor.extract_range(source, range, &progress, cancel);
     observer(Event::Done);
-    Ok(found)
+    found
 }

@@ -3,7 +3,7 @@
 use ndarray::ArrayView2;
 
 use super::moments::{Moments, ObjectMoments};
-use super::scale::{exponent, times_power};
+use super::scale::{ORDINARY, exponent, times_power};
 use crate::error::{Error, Reason, Result};
 
 /// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
@@ -354,12 +354,49 @@ impl Centred {
     /// Takes the keypoints of the visible frames around their mean, and their products.
     #[inline(always)]
     fn centre(&mut self, keypoint: &[Vec<f64>; 2], stride: usize) {
+        let keypoint = keypoint.each_ref().map(|axis| &axis[..]);
+        self.centre_as_is(keypoint, stride);
+        if self.is_ordinary() {
+            for exponents in &mut self.moments.keypoint_exponent {
+                exponents.fill(0);
+            }
+            return;
+        }
+        let scales = [0, 1].map(|axis| self.scale(axis, keypoint[axis], stride));
+        if scales != [false; 2] {
+            let scaled = std::mem::take(&mut self.scaled);
+            let chosen = [0, 1].map(|axis| {
+                if scales[axis] {
+                    &scaled[axis][..]
+                } else {
+                    keypoint[axis]
+                }
+            });
+            self.centre_as_is(chosen, stride);
+            self.scaled = scaled;
+        }
+    }
+
+    /// Whether no keypoint needs an exponent: every magnitude is at least its mean and at most that
+    /// and the root of the sum of squares. Not for zeros, whose exponent is looked up.
+    fn is_ordinary(&self) -> bool {
+        (0..2).all(|axis| {
+            let means = &self.moments.keypoint_mean[axis];
+            let values = means.iter().zip(&self.moments.keypoint_squares[2 * axis]);
+            let ordinary = |(mean, squares): (&f64, &f64)| {
+                ORDINARY.contains(&mean.abs()) && *squares < ORDINARY.end * ORDINARY.end
+            };
+            values.map(ordinary).fold(true, |all, one| all & one)
+        })
+    }
+
+    /// [`centre`](Self::centre) without exponents.
+    #[inline(always)]
+    fn centre_as_is(&mut self, keypoint: [&[f64]; 2], stride: usize) {
         let count = self.visible.len();
         let first = self.visible[0] * stride;
         let n = self.moments.cross[0].len();
-        for (axis, source) in keypoint.iter().enumerate() {
-            let scaled = self.scale(axis, source, stride, n);
-            let source = if scaled { &self.scaled[axis] } else { source };
+        for (axis, source) in keypoint.into_iter().enumerate() {
             let pivot = &source[first..first + stride];
             let mean = &mut self.mean[axis][..];
             mean.fill(0.0);
@@ -411,8 +448,8 @@ impl Centred {
 
     /// Finds the exponents of the keypoints along `axis`. Fills and chooses `scaled` if one is not
     /// 0: zeros need no scaling.
-    #[inline(always)]
-    fn scale(&mut self, axis: usize, source: &[f64], stride: usize, n: usize) -> bool {
+    fn scale(&mut self, axis: usize, source: &[f64], stride: usize) -> bool {
+        let n = self.moments.cross[0].len();
         let peak = &mut self.peak[axis][..];
         peak.fill(0.0);
         for t in &self.visible {

@@ -4,9 +4,14 @@
 //! answer may be an ordinary value. Such values are divided by a power of two, which is exact,
 //! before anything is squared. Ordinary values have the exponent 0 and stay as they are.
 
+use std::ops::Range;
+
 /// Magnitudes from 2^-100 to 2^101 are ordinary: products of four of them, summed over any number
 /// of frames, stay far within the range of f64.
-const ORDINARY: i32 = 100;
+const LARGEST: i32 = 100;
+
+/// Magnitudes that are ordinary, and those twice and half as large as well.
+pub const ORDINARY: Range<f64> = power(1 - LARGEST)..power(LARGEST - 1);
 
 /// The exponent of zeros, below that of every other value: zeros can be scaled to any exponent.
 pub const ZERO: i32 = -1200;
@@ -25,7 +30,7 @@ pub fn exponent(magnitude: f64) -> i32 {
         (magnitude, 0)
     };
     let found = (normal.to_bits() >> 52) as i32 - 1023 + shift;
-    if found.abs() <= ORDINARY { 0 } else { found }
+    if found.abs() <= LARGEST { 0 } else { found }
 }
 
 /// `value` times 2^`exponent`, infinite or rounded where f64 ends.
@@ -44,7 +49,7 @@ pub fn times_power(mut value: f64, mut exponent: i32) -> f64 {
 }
 
 /// 2^`exponent`, of a normal f64.
-fn power(exponent: i32) -> f64 {
+const fn power(exponent: i32) -> f64 {
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 

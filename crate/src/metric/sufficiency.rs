@@ -116,7 +116,7 @@ impl Motion {
             [(0, 0), (0, 1), (1, 1)].map(|(i, j)| all().map(|d| d[i] * d[j] / count).sum::<f64>());
         let half = (0.5 * (xx - yy)).hypot(xy);
         let middle = 0.5 * (xx + yy);
-        let shown = |sequence: &&Vec<[f64; 2]>| sequence.iter().any(|d| is_seen(d));
+        let shown = |sequence: &&Vec<[f64; 2]>| sequence.iter().any(is_seen);
         Self {
             frames,
             sequences: deviations.iter().filter(shown).count() as u64,

@@ -1,7 +1,6 @@
 //! The folder of one run of a sweep: which process works on it, and how far it is.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -9,6 +8,7 @@ use serde::Serialize;
 use crate::atomic;
 use crate::error::{Error, Result};
 use crate::run::{ERROR, LOCK, LOG, SUMMARY, TrainSummary, partial_folder};
+use crate::train::{RunLock, holder};
 
 /// Where a run is while it is worked on, and when it is complete.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,8 +52,7 @@ pub enum State {
 #[derive(Debug)]
 pub struct Claim {
     place: RunPlace,
-    /// Unlocked when it is closed.
-    _lock: File,
+    lock: RunLock,
 }
 
 impl RunPlace {
@@ -86,7 +85,7 @@ impl RunPlace {
                 epochs => State::Stopped { epochs },
             });
         }
-        if let Some(holder) = self.holder()? {
+        if let Some(holder) = holder(&self.partial)? {
             return Ok(State::Running {
                 holder,
                 epochs: so_far,
@@ -116,31 +115,15 @@ impl RunPlace {
     ///
     /// # Errors
     /// When somebody else has it (with who), or the folder cannot be written.
-    pub fn claim(&self, epochs: u32, holder: &str) -> Result<Option<Claim>> {
+    pub fn claim(&self, epochs: u32) -> Result<Option<Claim>> {
         if self.is_complete(epochs)? {
             return Ok(None);
         }
+        let lock = RunLock::take(&self.partial)?;
         let failed = |e: std::io::Error| Error::io(self.partial.display(), &e);
-        let is_new = !self.partial.exists();
-        fs::create_dir_all(&self.partial).map_err(failed)?;
-        let path = self.partial.join(LOCK);
-        let mut lock = open(&path).map_err(failed)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let holder = self
-                    .holder()?
-                    .unwrap_or_else(|| "another process".to_owned());
-                return Err(Error::mismatch(format!(
-                    "is being worked on by {holder}; wait for it or end it"
-                ))
-                .at(self.partial.display()));
-            }
-            Err(TryLockError::Error(e)) => return Err(failed(e)),
-        }
         // Whoever had the lock may have completed the run in the meantime.
         if self.is_complete(epochs)? {
-            if is_new || !self.partial.join(LOG).exists() {
+            if !self.partial.join(LOG).exists() {
                 fs::remove_dir_all(&self.partial).map_err(failed)?;
             }
             return Ok(None);
@@ -148,17 +131,13 @@ impl RunPlace {
         if self.finished.exists() {
             self.take_up_again()?;
         }
-        lock.set_len(0)
-            .and_then(|()| lock.seek(SeekFrom::Start(0)))
-            .and_then(|_| lock.write_all(holder.as_bytes()))
-            .map_err(failed)?;
         let error = self.partial.join(ERROR);
         if error.exists() {
             fs::remove_file(&error).map_err(failed)?;
         }
         Ok(Some(Claim {
             place: self.clone(),
-            _lock: lock,
+            lock,
         }))
     }
 
@@ -167,6 +146,12 @@ impl RunPlace {
         let failed = |e: std::io::Error| Error::io(self.finished.display(), &e);
         for entry in fs::read_dir(&self.finished).map_err(failed)? {
             let entry = entry.map_err(failed)?;
+            if entry.file_name() == LOCK {
+                // Of a process that was killed as it finished; the one that is held lies in
+                // `partial`.
+                fs::remove_file(entry.path()).map_err(failed)?;
+                continue;
+            }
             fs::rename(entry.path(), self.partial.join(entry.file_name())).map_err(failed)?;
         }
         fs::remove_dir(&self.finished).map_err(failed)
@@ -185,31 +170,12 @@ impl RunPlace {
         })?;
         Ok(summary.epochs >= epochs)
     }
-
-    /// Who works on the run, if anybody does.
-    fn holder(&self) -> Result<Option<String>> {
-        let path = self.partial.join(LOCK);
-        if !path.exists() {
-            return Ok(None);
-        }
-        let failed = |e: std::io::Error| Error::io(path.display(), &e);
-        let mut lock = open(&path).map_err(failed)?;
-        match lock.try_lock_shared() {
-            Ok(()) => Ok(None),
-            Err(TryLockError::WouldBlock) => {
-                let mut holder = String::new();
-                lock.read_to_string(&mut holder).map_err(failed)?;
-                Ok(Some(holder))
-            }
-            Err(TryLockError::Error(e)) => Err(failed(e)),
-        }
-    }
 }
 
 impl Claim {
-    /// The folder to work in.
-    pub fn folder(&self) -> &Path {
-        &self.place.partial
+    /// The lock of the folder to work in.
+    pub fn lock(&self) -> &RunLock {
+        &self.lock
     }
 
     /// Gives the run its final name.
@@ -217,9 +183,7 @@ impl Claim {
     /// # Errors
     /// When it cannot be renamed.
     pub fn finish(self) -> Result<()> {
-        let failed = |e: std::io::Error| Error::io(self.place.finished.display(), &e);
-        fs::remove_file(self.place.partial.join(LOCK)).map_err(failed)?;
-        fs::rename(&self.place.partial, &self.place.finished).map_err(failed)
+        self.lock.rename_folder(&self.place.finished)
     }
 
     /// Leaves a note of why the attempt failed.
@@ -232,13 +196,4 @@ impl Claim {
             format!("{error}\n").as_bytes(),
         )
     }
-}
-
-fn open(path: &Path) -> std::io::Result<File> {
-    OpenOptions::new()
-        .create(true)
-        .truncate(false)
-        .read(true)
-        .write(true)
-        .open(path)
 }

@@ -6,9 +6,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ndarray::{Array3, ArrayView2, Axis};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
 
-use super::SNIPPET;
-use crate::data::{self, Filter, FrameSource, for_blocks, planes};
+use super::{SNIPPET, state};
+use crate::data::{self, Filter, Frame, FrameSource, for_blocks, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
 use crate::run::{TargetFilter, TrainConfig};
@@ -32,6 +34,18 @@ pub struct Dataset {
     pub input_size: [usize; 2],
     /// What a person should know, e.g. sequences left out because they are too short.
     pub notices: Vec<String>,
+    pub(super) fingerprint: Fingerprint,
+}
+
+/// What tells two data sets apart, as SHA-256. A run goes on with the data that it was started with
+/// and no other.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Fingerprint {
+    /// Of all frames: their sequences and numbers, their sizes, and the CRC-32 of their decoded
+    /// pixels. Another file format without loss is the same.
+    pub frames: String,
+    /// Of the ground truth: the objects, and the points of every frame.
+    pub truth: String,
 }
 
 /// One sequence.
@@ -50,6 +64,8 @@ pub struct Sequence {
 struct Frames {
     decoder: Decoder,
     kept: Vec<Option<Decoded>>,
+    /// CRC-32 of every frame.
+    checksums: Vec<u32>,
 }
 
 /// How frames become inputs and targets.
@@ -63,6 +79,16 @@ struct Decoder {
 struct Decoded {
     input: Input,
     target: Vec<f32>,
+    about: About,
+}
+
+/// What is known of a frame once it was decoded.
+#[derive(Clone, Copy)]
+struct About {
+    input_size: [usize; 2],
+    /// Before it was resized.
+    own_size: [usize; 2],
+    checksum: u32,
 }
 
 /// Planes of red, green and blue.
@@ -72,8 +98,8 @@ enum Input {
 }
 
 impl Decoder {
-    /// Frame `i` with the size of its input.
-    fn decode(&self, i: usize) -> Result<([usize; 2], Decoded)> {
+    /// Frame `i`.
+    fn decode(&self, i: usize) -> Result<Decoded> {
         let frame = self.source.read(i)?;
         let own = [frame.width() as usize, frame.height() as usize];
         let size = self.input_size.unwrap_or(own);
@@ -82,7 +108,30 @@ impl Decoder {
             _ => Input::Floats(frame.to_planar(Some(size), Filter::BilinearAntialias)),
         };
         let target = frame.to_planar(Some(self.target_size), self.target_filter);
-        Ok((size, Decoded { input, target }))
+        Ok(Decoded {
+            input,
+            target,
+            about: About {
+                input_size: size,
+                own_size: own,
+                checksum: checksum(&frame),
+            },
+        })
+    }
+}
+
+/// CRC-32 of the pixels.
+fn checksum(frame: &Frame) -> u32 {
+    match frame.pixels() {
+        data::Pixels::Bytes(bytes) => crc32fast::hash(bytes),
+        data::Pixels::Floats(floats) => {
+            let mut hash = crc32fast::Hasher::new();
+            for block in floats.chunks(1024) {
+                let bytes: Vec<u8> = block.iter().flat_map(|v| v.to_le_bytes()).collect();
+                hash.update(&bytes);
+            }
+            hash.finalize()
+        }
     }
 }
 
@@ -98,33 +147,49 @@ impl Decoded {
 
 impl Frames {
     /// Decodes every frame once, so that one that cannot be read is found before the training, and
-    /// keeps as many as `cache` bytes hold. Also returns the size of the inputs.
-    fn load(decoder: Decoder, cache: u64, cancel: &Cancel) -> Result<(Self, [usize; 2])> {
+    /// keeps as many as `cache` bytes hold. Also returns the size of the inputs and the fingerprint
+    /// of all frames.
+    fn load(decoder: Decoder, cache: u64, cancel: &Cancel) -> Result<(Self, [usize; 2], String)> {
         let keys = decoder.source.index().keys();
         let taken = AtomicU64::new(0);
-        let decode = |i: usize| -> Result<([usize; 2], Option<Decoded>)> {
-            let (size, decoded) = decoder.decode(i)?;
+        let decode = |i: usize| -> Result<(About, Option<Decoded>)> {
+            let decoded = decoder.decode(i)?;
+            let about = decoded.about;
             let bytes = decoded.bytes();
             let before = taken.fetch_add(bytes, Ordering::Relaxed);
-            Ok((size, (before + bytes <= cache).then_some(decoded)))
+            Ok((about, (before + bytes <= cache).then_some(decoded)))
         };
-        let (mut kept, mut input_size) = (Vec::with_capacity(keys.len()), None);
+        let (mut kept, mut checksums) = (Vec::with_capacity(keys.len()), Vec::new());
+        let mut input_size = None;
+        let mut hash = Sha256::new();
         for_blocks(0..keys.len(), cancel, decode, |block| {
             for frame in block {
-                let (size, decoded) = frame?;
+                let (about, decoded) = frame?;
+                let key = &keys[kept.len()];
+                let size = about.input_size;
                 let first = *input_size.get_or_insert(size);
                 if size != first {
                     return Err(Error::mismatch(format!(
-                        "{}: the frame is {size:?}, the first one {first:?}; expected one size, or give an input size",
-                        keys[kept.len()]
+                        "{key}: the frame is {size:?}, the first one {first:?}; expected one size, or \
+                         give an input size",
                     )));
                 }
+                let About {
+                    own_size, checksum, ..
+                } = about;
+                hash.update(format!("{key}\0{own_size:?}\0{checksum:08x}\n"));
+                checksums.push(checksum);
                 kept.push(decoded);
             }
             Ok(())
         })?;
         let input_size = input_size.ok_or_else(|| Error::input("there are no frames"))?;
-        Ok((Self { decoder, kept }, input_size))
+        let frames = Self {
+            decoder,
+            kept,
+            checksums,
+        };
+        Ok((frames, input_size, state::hex(hash)))
     }
 
     /// Writes the input and the target of frame `i`.
@@ -133,7 +198,14 @@ impl Frames {
         let decoded = match &self.kept[i] {
             Some(kept) => kept,
             None => {
-                again = self.decoder.decode(i)?.1;
+                again = self.decoder.decode(i)?;
+                if again.about.checksum != self.checksums[i] {
+                    return Err(Error::input(
+                        "the frame has changed since the training was started; leave the data as \
+                         they are until it ends",
+                    )
+                    .at(&self.decoder.source.index().keys()[i]));
+                }
                 &again
             }
         };
@@ -148,6 +220,24 @@ impl Frames {
         target.copy_from_slice(&decoded.target);
         Ok(())
     }
+}
+
+/// The fingerprint of the points that belong to frames.
+fn truth_fingerprint(truth: &GroundTruth, row_of: &[Option<usize>]) -> String {
+    let mut hash = Sha256::new();
+    for name in truth.names() {
+        hash.update((name.len() as u64).to_le_bytes());
+        hash.update(name);
+    }
+    for row in row_of {
+        hash.update([u8::from(row.is_some())]);
+        for value in row.iter().flat_map(|row| truth.frame(*row)) {
+            // One NaN is as good as another.
+            let bits = if value.is_nan() { f64::NAN } else { *value };
+            hash.update(bits.to_le_bytes());
+        }
+    }
+    state::hex(hash)
 }
 
 impl fmt::Debug for Frames {
@@ -196,7 +286,7 @@ impl Dataset {
                 TargetFilter::BilinearAntialias => Filter::BilinearAntialias,
             },
         };
-        let (frames, input_size) = Frames::load(decoder, cache, cancel)?;
+        let (frames, input_size, fingerprint) = Frames::load(decoder, cache, cancel)?;
         let again = frames.kept.iter().filter(|kept| kept.is_none()).count();
         if again > 0 {
             notices.push(format!(
@@ -248,6 +338,10 @@ impl Dataset {
             objects: truth.names().to_vec(),
             input_size,
             notices,
+            fingerprint: Fingerprint {
+                frames: fingerprint,
+                truth: truth_fingerprint(truth, &row_of),
+            },
         })
     }
 

@@ -8,6 +8,7 @@
 
 mod dataset;
 mod events;
+mod lock;
 mod optimizer;
 mod run;
 mod state;
@@ -15,6 +16,7 @@ mod trainer;
 mod validation;
 
 pub use dataset::{DEFAULT_CACHE, Dataset, Sequence};
+pub use lock::{RunLock, holder};
 pub use run::{Existing, RunOptions, train};
 pub use trainer::Trainer;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
-use std::io::{Seek as _, SeekFrom, Write as _};
+use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::time::Instant;
 
@@ -12,9 +12,12 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_distr::StandardNormal;
 use serde::Serialize;
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 
+use super::dataset::Fingerprint;
 use super::events::Events;
-use super::state::{self, Progress};
+use super::lock::RunLock;
+use super::state::{self, Header, Progress, State};
 use super::validation::Validation;
 use super::{Dataset, SNIPPET, Sequence, Trainer};
 use crate::atomic;
@@ -51,7 +54,7 @@ const MAY_CHANGE: [&str; 7] = [
     "version", "git_hash", "burn", "target", "threads", "adapter", "epochs",
 ];
 
-/// Trains and writes the run folder `out`: `config.json`, `log.jsonl` (a line an epoch),
+/// Trains and writes the run in the folder of `lock`: `config.json`, `log.jsonl` (a line an epoch),
 /// `checkpoint_best.safetensors` and `checkpoint_final.safetensors` (every epoch anew),
 /// `state.safetensors` (what a resumed run starts from) and `summary.json`, and an event file if
 /// asked for. Each file is whole at any moment; a run that ends anywhere goes on with
@@ -64,13 +67,14 @@ const MAY_CHANGE: [&str; 7] = [
 ///
 /// # Errors
 /// When the configuration or the data set does not allow training, the device is not there, the
-/// folder holds a run already (or, resuming, another one) or cannot be written, or the loss is not
-/// finite (with the epoch and what to try).
+/// folder holds a run already or cannot be written, or the loss is not finite (with the epoch and
+/// what to try). A run is not resumed when its state is damaged, or when the state belongs to
+/// another run, other frames or another ground truth.
 pub fn train(
     config: &TrainConfig,
     dataset: &Dataset,
     weights: &Checkpoint,
-    out: &Path,
+    lock: &RunLock,
     options: RunOptions,
     report: &mut dyn FnMut(Event),
     cancel: &Cancel,
@@ -110,11 +114,11 @@ pub fn train(
         training_sequences: names(&training),
         validation_sequences: names(&validation),
     };
-    let mut folder = RunFolder::open(out, options, &run, config)?;
+    let mut folder = RunFolder::open(lock.folder(), options, &run, &dataset.fingerprint)?;
     let mut trainer = match folder.resumed.take() {
-        Some((weights, optimizer)) => {
-            let mut trainer = Trainer::on(&device, &weights, config.learning_rate)?;
-            trainer.load_optimizer(optimizer)?;
+        Some(state) => {
+            let mut trainer = Trainer::on(&device, &state.weights, config.learning_rate)?;
+            trainer.load_optimizer(state.optimizer)?;
             trainer
         }
         None if config.background == BackgroundStart::Mean => {
@@ -131,8 +135,8 @@ pub fn train(
     let validation = Validation::new(validation, config);
 
     let start = Instant::now();
-    let before = folder.progress.summary.seconds;
-    let first = folder.progress.summary.epochs + 1;
+    let before = folder.header.progress.summary.seconds;
+    let first = folder.header.progress.summary.epochs + 1;
     let mut done = u64::from(first - 1) * steps as u64;
     report(Event::Started {
         what: format!("training {}", config.sae.name()),
@@ -158,7 +162,7 @@ pub fn train(
             sum.reconstruction += losses.reconstruction;
             sum.velocity += losses.velocity;
             done += 1;
-            let last = folder.progress.summary.last.as_ref();
+            let last = folder.header.progress.summary.last.as_ref();
             let tracked = last
                 .map(|l| format!(", TC {:.2}", l.tc))
                 .unwrap_or_default();
@@ -174,7 +178,7 @@ pub fn train(
         };
         let outcome = match outcome {
             Err(e) if e.kind() == ErrorKind::Cancelled => {
-                folder.progress.summary.interrupted = true;
+                folder.header.progress.summary.interrupted = true;
                 report(Event::Warning(format!(
                     "stopped in epoch {epoch}; what was reached after epoch {} is kept, and a resumed run goes on from \
                      there",
@@ -197,12 +201,12 @@ pub fn train(
             tc: outcome.tc,
             errors: outcome.errors,
         };
-        folder.progress.summary.seconds = before + start.elapsed().as_secs_f64();
+        folder.header.progress.summary.seconds = before + start.elapsed().as_secs_f64();
         folder.finish_epoch(&trainer, config, entry, outcome.evaluation)?;
     }
-    let mut summary = folder.progress.summary;
+    let mut summary = folder.header.progress.summary;
     summary.seconds = before + start.elapsed().as_secs_f64();
-    write_json(&out.join(SUMMARY), &summary)?;
+    write_json(&lock.folder().join(SUMMARY), &summary)?;
     report(Event::Done);
     Ok(summary)
 }
@@ -211,10 +215,12 @@ pub fn train(
 struct RunFolder<'a> {
     path: &'a Path,
     log: File,
+    /// Of what is in the log so far.
+    log_hash: Sha256,
     events: Option<Events>,
-    progress: Progress,
-    /// Weights and optimizer of a run that goes on.
-    resumed: Option<(Checkpoint, Vec<u8>)>,
+    header: Header,
+    /// What a run that goes on starts from.
+    resumed: Option<State>,
 }
 
 impl<'a> RunFolder<'a> {
@@ -222,7 +228,7 @@ impl<'a> RunFolder<'a> {
         path: &'a Path,
         options: RunOptions,
         run: &RunConfig,
-        config: &TrainConfig,
+        data: &Fingerprint,
     ) -> Result<Self> {
         let has_state = path.join(STATE).exists();
         if options.existing == Existing::Refuse
@@ -234,59 +240,39 @@ impl<'a> RunFolder<'a> {
             )));
         }
         fs::create_dir_all(path).map_err(|e| Error::io(path.display(), &e))?;
-        let mut progress = Progress {
-            summary: TrainSummary {
-                version: env!("CARGO_PKG_VERSION").to_owned(),
-                interrupted: false,
-                epochs: 0,
-                best_epoch: 0,
-                seconds: 0.0,
-                last: None,
-                evaluation: None,
-            },
-            best: None,
-            log_bytes: 0,
+        let resumed = match has_state {
+            true => Some(state::load(path)?),
+            false => None,
         };
-        let mut resumed = None;
-        if has_state {
-            same_run(&path.join(CONFIG), run)?;
-            let (found, weights, optimizer) = state::load(path)?;
-            progress = found;
-            progress.summary.interrupted = false;
-            resumed = Some((weights, optimizer));
-            if progress.summary.epochs > config.epochs {
-                return Err(Error::mismatch(format!(
-                    "{} has come to epoch {}; expected at least as many epochs, not {}",
-                    path.display(),
-                    progress.summary.epochs,
-                    config.epochs
-                )));
+        let progress = match &resumed {
+            Some(state) => {
+                same_run(path, &state.header, run, data)?;
+                let mut progress = state.header.progress.clone();
+                progress.summary.interrupted = false;
+                progress
             }
-        }
+            None => Progress {
+                summary: TrainSummary {
+                    version: env!("CARGO_PKG_VERSION").to_owned(),
+                    interrupted: false,
+                    epochs: 0,
+                    best_epoch: 0,
+                    seconds: 0.0,
+                    last: None,
+                    evaluation: None,
+                },
+                best: None,
+                log_bytes: 0,
+                log_sha256: state::hex(Sha256::new()),
+            },
+        };
+        let (log, log_hash) = open_log(path, &progress)?;
         write_json(&path.join(CONFIG), run)?;
-        let log_path = path.join(LOG);
-        let failed = |e: std::io::Error| Error::io(log_path.display(), &e);
-        let mut log = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&log_path)
-            .map_err(failed)?;
-        // A line of an epoch that was not finished is cut off; the epoch runs again.
-        let length = log.metadata().map_err(failed)?.len();
-        if length < progress.log_bytes {
-            return Err(Error::input(format!(
-                "{}: the log has {length} bytes, {} when its last epoch ended; was it edited? Start again in another \
-                 folder",
-                log_path.display(),
-                progress.log_bytes
-            )));
-        }
-        log.set_len(progress.log_bytes).map_err(failed)?;
-        log.seek(SeekFrom::End(0)).map_err(failed)?;
         let events = match options.tensorboard {
             true => {
-                let (past, broken) = read_log(&fs::read(&log_path).map_err(failed)?);
+                let log_path = path.join(LOG);
+                let log = fs::read(&log_path).map_err(|e| Error::io(log_path.display(), &e))?;
+                let (past, broken) = read_log(&log);
                 if let Some(error) = broken {
                     return Err(error.at(log_path.display()));
                 }
@@ -297,8 +283,13 @@ impl<'a> RunFolder<'a> {
         Ok(Self {
             path,
             log,
+            log_hash,
             events,
-            progress,
+            header: Header {
+                run: as_value(run)?,
+                data: data.clone(),
+                progress,
+            },
             resumed,
         })
     }
@@ -321,8 +312,10 @@ impl<'a> RunFolder<'a> {
         if let Some(events) = &mut self.events {
             events.write(&entry)?;
         }
-        let progress = &mut self.progress;
+        let progress = &mut self.header.progress;
         progress.log_bytes += line.len() as u64;
+        self.log_hash.update(&line);
+        progress.log_sha256 = state::hex(self.log_hash.clone());
         let is_best = progress
             .best
             .is_none_or(|best| entry.validation.total < best);
@@ -349,29 +342,88 @@ impl<'a> RunFolder<'a> {
         progress.summary.epochs = entry.epoch;
         progress.summary.last = Some(entry);
         progress.summary.evaluation = Some(evaluation);
-        state::save(self.path, trainer, progress)
+        state::save(self.path, trainer, &self.header)
     }
 }
 
-/// Checks that the run in the folder computes the same as `run`.
-fn same_run(path: &Path, run: &RunConfig) -> Result<()> {
-    let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
-    let there: Value = serde_json::from_slice(&bytes)
-        .map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
-    // Through text: an f32 turns into the digits that are in the file.
-    let here = serde_json::to_string(run)
-        .and_then(|json| serde_json::from_str(&json))
-        .map_err(|e| unwritable(&e))?;
-    let mut differences = Vec::new();
-    compare("", &there, &here, &mut differences);
-    if differences.is_empty() {
-        return Ok(());
+/// The log, ready for the next line, and the hash of what is in it. A line of an epoch that was not
+/// finished is cut off; the epoch runs again.
+fn open_log(folder: &Path, progress: &Progress) -> Result<(File, Sha256)> {
+    let path = folder.join(LOG);
+    let failed = |e: std::io::Error| Error::io(path.display(), &e);
+    let mut log = OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .read(true)
+        .write(true)
+        .open(&path)
+        .map_err(failed)?;
+    let mut past = Vec::new();
+    (&log)
+        .take(progress.log_bytes)
+        .read_to_end(&mut past)
+        .map_err(failed)?;
+    if (past.len() as u64) < progress.log_bytes {
+        return Err(Error::input(format!(
+            "the log has {} bytes, {} when its last epoch ended; was it edited? Start again in \
+             another folder",
+            past.len(),
+            progress.log_bytes
+        ))
+        .at(path.display()));
     }
-    Err(Error::mismatch(format!(
-        "{} is of another run: {}; resume with what it was started with",
-        path.display(),
-        differences.join(", ")
-    )))
+    let hash = Sha256::new_with_prefix(&past);
+    if state::hex(hash.clone()) != progress.log_sha256 {
+        return Err(Error::input(format!(
+            "the log is not the one that {} belongs to: it was edited, or one of them comes from \
+             another run; start again in another folder",
+            STATE
+        ))
+        .at(path.display()));
+    }
+    log.set_len(progress.log_bytes).map_err(failed)?;
+    log.seek(SeekFrom::End(0)).map_err(failed)?;
+    Ok((log, hash))
+}
+
+/// `config.json` as it is read. Through text: an f32 turns into the digits that are in the file.
+fn as_value(run: &RunConfig) -> Result<Value> {
+    serde_json::to_string(run)
+        .and_then(|json| serde_json::from_str(&json))
+        .map_err(|e| unwritable(&e))
+}
+
+/// Checks that a state belongs to a run that computes the same as `run`, on the same data.
+fn same_run(folder: &Path, state: &Header, run: &RunConfig, data: &Fingerprint) -> Result<()> {
+    let mut differences = Vec::new();
+    compare("", &state.run, &as_value(run)?, &mut differences);
+    let refused = |what: String| Err(Error::mismatch(what).at(folder.join(STATE).display()));
+    if !differences.is_empty() {
+        return refused(format!(
+            "is of another run: {}; resume with what it was started with",
+            differences.join(", ")
+        ));
+    }
+    for (name, there, here) in [
+        ("frames", &state.data.frames, &data.frames),
+        ("ground truth", &state.data.truth, &data.truth),
+    ] {
+        if there != here {
+            return refused(format!(
+                "the {name} changed since the run was started; resume with the data it was started \
+                 with, or start again in another folder"
+            ));
+        }
+    }
+    let reached = state.progress.summary.epochs;
+    if reached > run.train.epochs {
+        return Err(Error::mismatch(format!(
+            "{} has come to epoch {reached}; expected at least as many epochs, not {}",
+            folder.display(),
+            run.train.epochs
+        )));
+    }
+    Ok(())
 }
 
 /// Collects in words where two configurations differ.

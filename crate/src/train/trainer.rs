@@ -66,7 +66,7 @@ impl Trainer {
     ///
     /// # Errors
     /// When the device does not give the values back.
-    pub fn optimizer_bytes(&self) -> Result<Vec<u8>> {
+    pub(super) fn optimizer_bytes(&self) -> Result<Vec<u8>> {
         let bytes = self.optimizer.into_bytes();
         bytes.map(|bytes| bytes.to_vec()).map_err(|e| {
             Error::numeric(format!(
@@ -76,11 +76,11 @@ impl Trainer {
     }
 
     /// Goes on with the moments of Adam that [`Trainer::optimizer_bytes`] gave for the same
-    /// architecture.
+    /// architecture. burn panics on others, so the caller has to know that nothing changed them.
     ///
     /// # Errors
-    /// When the bytes are damaged.
-    pub fn load_optimizer(&mut self, bytes: Vec<u8>) -> Result<()> {
+    /// When burn does not read them.
+    pub(super) fn load_optimizer(&mut self, bytes: Vec<u8>) -> Result<()> {
         self.optimizer = adam()
             .from_bytes(Bytes::from_bytes_vec(bytes))
             .map_err(|e| Error::input(format!("the state of the optimizer is damaged: {e:?}")))?;

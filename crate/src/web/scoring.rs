@@ -70,8 +70,7 @@ impl ScoreOptions {
             },
             thresholds: thresholds.map_err(|e| js_error(&e))?,
             image_size: options.image_size,
-            // The page shows held-out errors in place of the fitted ones, on request.
-            folds: Some(options.folds.unwrap_or(0)),
+            folds: options.folds,
             bootstrap: options.bootstrap,
             seed: options.seed,
             sequences: options.sequences,

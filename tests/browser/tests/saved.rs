@@ -53,7 +53,12 @@ async fn a_saved_evaluation_is_shown_with_all_that_it_holds() {
     let shown = page
         .number("document.querySelector('.tc-value').dataset.tc")
         .await;
-    assert_eq!(json!(shown), saved["held_out"]["tc"]);
+    assert_eq!(json!(shown), saved["tc"]);
+    let held_out = saved["held_out"]["tc"].as_f64().expect("a number");
+    page.until(&format!(
+        "document.querySelector('#tc-interval').textContent.includes('(4 folds): {held_out:.2}')"
+    ))
+    .await;
     let objects = saved["objects"].as_array().expect("objects");
     for (key, field) in [
         ("error", "error"),

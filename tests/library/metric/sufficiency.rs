@@ -1,6 +1,6 @@
 //! Random keypoints pass for tracking in at most 5 % of the recordings that are called sufficient.
 //!
-//! `cargo test --test metric random -- --nocapture` prints the shares before and after.
+//! `cargo test --test library random -- --nocapture` prints the shares before and after.
 
 use std::ops::Range;
 

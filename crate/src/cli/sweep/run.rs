@@ -13,7 +13,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use super::plan::{PLAN, epochs, open, training};
 use super::states::state;
 use crate::cli::extract::cancel_on_interrupt;
-use crate::cli::train;
+use crate::cli::{signals, train};
 use crate::error::{Error, ErrorKind, Result};
 use crate::sweep::{PlannedRun, RunPlace, State};
 
@@ -43,36 +43,19 @@ pub(super) fn run(arguments: &RunArguments) -> Result<()> {
     }
 }
 
-/// Who works on a run, for whoever finds it locked.
-fn holder() -> String {
-    let host = fs::read_to_string("/proc/sys/kernel/hostname")
-        .ok()
-        .or_else(|| std::env::var("HOSTNAME").ok())
-        .or_else(|| std::env::var("COMPUTERNAME").ok());
-    let host = host.as_deref().map(str::trim).unwrap_or("this machine");
-    let job = match (
-        std::env::var("SLURM_ARRAY_JOB_ID"),
-        std::env::var("SLURM_ARRAY_TASK_ID"),
-    ) {
-        (Ok(job), Ok(task)) => format!(", Slurm job {job}_{task}"),
-        _ => String::new(),
-    };
-    format!("process {} on {host}{job}", std::process::id())
-}
-
 fn run_line(arguments: &RunArguments, line: usize) -> Result<()> {
     let (plan, folder) = open(&arguments.sweep)?;
     let run = plan
         .line(line)
         .map_err(|e| e.at(folder.join(PLAN).display()))?;
     let place = RunPlace::new(&folder, &run.run);
-    let Some(claim) = place.claim(epochs(run)?, &holder())? else {
+    let Some(claim) = place.claim(epochs(run)?)? else {
         eprintln!("{} is complete", run.run);
         return Ok(());
     };
     let mut more = vec![
         "--out".to_owned(),
-        claim.folder().to_string_lossy().into_owned(),
+        claim.lock().folder().to_string_lossy().into_owned(),
         "--resume".to_owned(),
     ];
     if let Some(threads) = arguments.threads {
@@ -81,7 +64,7 @@ fn run_line(arguments: &RunArguments, line: usize) -> Result<()> {
     if arguments.quiet {
         more.push("--quiet".to_owned());
     }
-    match training(run, &more).and_then(|training| train::run(&training)) {
+    match training(run, &more).and_then(|training| train::run_in(claim.lock(), &training)) {
         Ok(()) => claim.finish(),
         // It goes on some other time: nothing is wrong with it.
         Err(error) if error.kind() == ErrorKind::Cancelled => Err(error.at(&run.run)),
@@ -103,9 +86,18 @@ struct Job<'a> {
     bar: ProgressBar,
 }
 
+impl Drop for Job<'_> {
+    /// A training whose sweep ends with an error ends as well.
+    fn drop(&mut self) {
+        if let Ok(None) = self.process.try_wait() {
+            signals::end(&self.process);
+        }
+    }
+}
+
 /// How often the logs of running trainings are looked at.
 const LOOK: Duration = Duration::from_millis(200);
-/// How long trainings may take to end by themselves after Ctrl-C. Killing them loses the epoch at
+/// How long trainings may take to end by themselves after a signal. Killing them loses the epoch at
 /// work, nothing else.
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -145,6 +137,9 @@ fn run_all(arguments: &RunArguments) -> Result<()> {
         if cancel.is_cancelled() && asked_to_stop.is_none() {
             asked_to_stop = Some(Instant::now());
             waiting.clear();
+            for job in &jobs {
+                signals::end(&job.process);
+            }
         }
         while jobs.len() < arguments.jobs.get() {
             let Some((line, run)) = waiting.pop_front() else {
