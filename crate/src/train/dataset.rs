@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
-use super::{SNIPPET, state};
+use super::SNIPPET;
+use super::hash::hex;
 use crate::data::{self, Filter, Frame, FrameSource, for_blocks, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
@@ -189,7 +190,7 @@ impl Frames {
             kept,
             checksums,
         };
-        Ok((frames, input_size, state::hex(hash)))
+        Ok((frames, input_size, hex(hash)))
     }
 
     /// Writes the input and the target of frame `i`.
@@ -237,7 +238,7 @@ fn truth_fingerprint(truth: &GroundTruth, row_of: &[Option<usize>]) -> String {
             hash.update(bits.to_le_bytes());
         }
     }
-    state::hex(hash)
+    hex(hash)
 }
 
 impl fmt::Debug for Frames {

@@ -8,6 +8,7 @@
 
 mod dataset;
 mod events;
+mod hash;
 mod lock;
 mod optimizer;
 mod run;

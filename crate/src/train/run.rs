@@ -16,6 +16,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::dataset::Fingerprint;
 use super::events::Events;
+use super::hash::hex;
 use super::lock::RunLock;
 use super::state::{self, Header, Progress, State};
 use super::validation::Validation;
@@ -263,7 +264,7 @@ impl<'a> RunFolder<'a> {
                 },
                 best: None,
                 log_bytes: 0,
-                log_sha256: state::hex(Sha256::new()),
+                log_sha256: hex(Sha256::new()),
             },
         };
         let (log, log_hash) = open_log(path, &progress)?;
@@ -315,7 +316,7 @@ impl<'a> RunFolder<'a> {
         let progress = &mut self.header.progress;
         progress.log_bytes += line.len() as u64;
         self.log_hash.update(&line);
-        progress.log_sha256 = state::hex(self.log_hash.clone());
+        progress.log_sha256 = hex(self.log_hash.clone());
         let is_best = progress
             .best
             .is_none_or(|best| entry.validation.total < best);
@@ -373,7 +374,7 @@ fn open_log(folder: &Path, progress: &Progress) -> Result<(File, Sha256)> {
         .at(path.display()));
     }
     let hash = Sha256::new_with_prefix(&past);
-    if state::hex(hash.clone()) != progress.log_sha256 {
+    if hex(hash.clone()) != progress.log_sha256 {
         return Err(Error::input(format!(
             "the log is not the one that {} belongs to: it was edited, or one of them comes from \
              another run; start again in another folder",

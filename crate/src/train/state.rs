@@ -16,6 +16,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::Trainer;
 use super::dataset::Fingerprint;
+use super::hash::hex;
 use crate::atomic;
 use crate::checkpoint::Checkpoint;
 use crate::error::{Error, ErrorKind, Result};
@@ -61,12 +62,6 @@ pub(super) struct State {
     pub weights: Checkpoint,
     /// As [`Trainer::optimizer_bytes`] gave it.
     pub optimizer: Vec<u8>,
-}
-
-/// The digits of a SHA-256.
-pub(super) fn hex(hash: Sha256) -> String {
-    let digits = hash.finalize().into_iter().map(|b| format!("{b:02x}"));
-    digits.collect()
 }
 
 fn checksum(header: &str, weights: &[u8], optimizer: &[u8]) -> String {
