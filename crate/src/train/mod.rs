@@ -11,6 +11,7 @@ mod events;
 mod optimizer;
 mod run;
 mod state;
+mod targets;
 mod trainer;
 mod validation;
 
