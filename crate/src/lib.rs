@@ -62,7 +62,8 @@ pub mod report;
 #[cfg(feature = "data")]
 pub mod run;
 #[cfg(all(feature = "cli", feature = "train"))]
-mod sweep;
+#[doc(hidden)]
+pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;
 

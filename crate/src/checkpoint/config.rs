@@ -19,6 +19,10 @@ pub struct SaeConfig {
     /// 5, 5), the first and all others for KeyNet (7, 3).
     #[serde(default = "three_by_three")]
     pub encoder_kernels: Vec<usize>,
+    /// Strides of a KeyNet's encoder, one a block, each 1 or 2; empty for the paper's (1, 2, 2, 2),
+    /// and for the other families, whose strides are fixed. Left out of a checkpoint when empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub encoder_strides: Vec<usize>,
     /// Output channels of the decoder: a count a convolution for Basic (64, 32, 16), a count a
     /// block for KeyNet (256, 128, 64), none for DSAE.
     pub decoder_channels: Vec<usize>,
@@ -91,6 +95,7 @@ impl SaeConfig {
             keypoints: architecture.family.default_keypoints(),
             encoder_channels: vec![32, 64, 128],
             encoder_kernels: vec![3; 3],
+            encoder_strides: Vec::new(),
             decoder_channels: vec![64, 32, 16],
             decoder_kernels: vec![3; 3],
             input_size: None,
@@ -187,6 +192,14 @@ impl SaeConfig {
         within("keypoints", self.keypoints, 1, 4096)?;
         list("encoder channels", &self.encoder_channels, channels, 8192)?;
         list("encoder kernel sizes", &self.encoder_kernels, kernels, 31)?;
+        if !self.encoder_strides.is_empty() {
+            if family != Family::KeyNet {
+                return Err(Error::input(format!(
+                    "encoder strides are given for a {family}; only a KeyNet takes them"
+                )));
+            }
+            list("encoder strides", &self.encoder_strides, channels, 2)?;
+        }
         list(
             "decoder channels",
             &self.decoder_channels,

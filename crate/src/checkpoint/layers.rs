@@ -115,8 +115,9 @@ impl SaeConfig {
                 for (i, &outputs) in channels.iter().enumerate() {
                     let module = format!("encoder.block{}.", i + 1);
                     let first = i == 0;
+                    let paper = if first { 1 } else { 2 };
                     layers.push(ConvLayer {
-                        stride: if first { 1 } else { 2 },
+                        stride: self.encoder_strides.get(i).copied().unwrap_or(paper),
                         ..ConvLayer::block(
                             &module,
                             1,

@@ -178,9 +178,13 @@ fn print_table(
     row(
         "encoder",
         format!(
-            "channels {}; kernels {}",
+            "channels {}; kernels {}{}",
             list(&config.encoder_channels),
-            list(&config.encoder_kernels)
+            list(&config.encoder_kernels),
+            match &config.encoder_strides[..] {
+                [] => String::new(),
+                strides => format!("; strides {}", list(strides)),
+            }
         ),
     );
     if summary.parameters.decoder > 0 && !config.decoder_channels.is_empty() {

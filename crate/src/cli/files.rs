@@ -303,10 +303,13 @@ impl Folder {
             .iter()
             .map(|i| self.paths[*i].as_path());
         paths
-            .filter(|path| !path.ends_with("ground_truth.csv"))
+            .filter(|path| !path.ends_with("ground_truth.csv") && !path.ends_with(EPISODES))
             .collect()
     }
 }
+
+/// The file of a data set that has the episode of every sequence.
+pub(super) const EPISODES: &str = "sequences.csv";
 
 /// What lies in a folder and below it.
 #[derive(Default)]

@@ -2,22 +2,24 @@
 
 use std::fs;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::de::DeserializeOwned;
 
 use super::device::open_and_tell;
 use super::extract::{cancel_on_interrupt, progress_bar, show};
-use super::files::TruthArguments;
+use super::files::{EPISODES, TruthArguments, read};
 use crate::checkpoint::SaeConfig;
+use crate::data::parse_episodes;
 use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer, load_weights};
 use crate::run::{
-    BackgroundStart, FirstLayer, Split, StartWeights, TargetFilter, TrainConfig, ValidationFrames,
+    BackgroundStart, ColorError, FirstLayer, Split, SplitBy, StartWeights, TargetFilter,
+    TrainConfig, ValidationFrames,
 };
 use crate::sweep::architecture_named;
 use crate::train::{Dataset, Existing, RunLock, RunOptions, train};
@@ -65,6 +67,10 @@ pub(super) struct TrainArguments {
     /// seed than 0)
     #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25")]
     split: Split,
+    /// What the split keeps together: the frames of a `sequence`, or the sequences of an `episode`,
+    /// as sequences.csv with the data has them (columns sequence and episode)
+    #[arg(long, value_name = "UNIT", default_value = "sequence", value_parser = named::<SplitBy>)]
+    split_by: SplitBy,
     /// Weight of the velocity loss; default: 0.1 with -vel and for dsae, otherwise 0
     #[arg(long, value_name = "WEIGHT")]
     velocity_weight: Option<f64>,
@@ -80,6 +86,11 @@ pub(super) struct TrainArguments {
     /// `bilinear-antialias`
     #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
     target_filter: TargetFilter,
+    /// How colours are compared: `plain`, the mean squared error of the paper, or `whitened`, by the
+    /// covariance of the colours that move, in which small coloured objects count as much as large
+    /// grey ones
+    #[arg(long, value_name = "ERROR", default_value = "plain", value_parser = named::<ColorError>)]
+    color_error: ColorError,
     /// What the background of -bg starts from: `zero`, as in the paper, or the `mean` of the
     /// training targets, which small networks need to find small objects
     #[arg(long, value_name = "START", default_value = "zero", value_parser = named::<BackgroundStart>)]
@@ -132,6 +143,9 @@ struct SizeArguments {
     /// all others)
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     encoder_kernels: Option<Vec<usize>>,
+    /// Strides of the encoder's blocks, each 1 or 2; keynet 1,2,2,2 (basic and dsae take none)
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    encoder_strides: Option<Vec<usize>>,
     /// Output channels of the decoder: basic 64,32,16; keynet 256,128,64
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     decoder_channels: Option<Vec<usize>>,
@@ -172,6 +186,7 @@ impl SizeArguments {
             keypoints: self.keypoints.unwrap_or(to.keypoints),
             encoder_channels: list(&self.encoder_channels, &to.encoder_channels),
             encoder_kernels: list(&self.encoder_kernels, &to.encoder_kernels),
+            encoder_strides: list(&self.encoder_strides, &to.encoder_strides),
             decoder_channels: list(&self.decoder_channels, &to.decoder_channels),
             decoder_kernels: list(&self.decoder_kernels, &to.decoder_kernels),
             input_size: self.input_size.map(square).or(to.input_size),
@@ -201,6 +216,23 @@ fn parse_bytes(text: &str) -> Result<u64> {
     })
 }
 
+/// The sequences and their episodes, from the file in a folder of frames or next to a recording.
+pub(super) fn episodes(data: &Path) -> Result<Vec<(String, String)>> {
+    let folder = match data.is_dir() {
+        true => data,
+        false => data.parent().unwrap_or(data),
+    };
+    let path = folder.join(EPISODES);
+    if !path.is_file() {
+        return Err(Error::input(format!(
+            "a split by episode needs the file {}; expected a table with the columns `sequence` and `episode`, as \
+             tools/panda_push/record.py writes it",
+            path.display()
+        )));
+    }
+    parse_episodes(&read(&path)?).map_err(|e| e.at(path.display()))
+}
+
 impl TrainArguments {
     pub(super) fn epochs(&self) -> u32 {
         self.epochs
@@ -215,12 +247,14 @@ impl TrainArguments {
             learning_rate: self.learning_rate,
             noise: self.noise,
             split: self.split,
+            split_by: self.split_by,
             drop_last: !self.keep_last,
             validation_frames: self.validation_frames,
             target_filter: self.target_filter,
             velocity_weight: self
                 .velocity_weight
                 .unwrap_or(self.arch.architecture.velocity_weight()),
+            color_error: self.color_error,
             background: self.background,
             first_layer: None,
             weights: None,
@@ -255,7 +289,10 @@ pub(super) fn run_in(lock: &RunLock, arguments: &TrainArguments) -> Result<()> {
     )?;
     let cancel = cancel_on_interrupt()?;
     eprintln!("reading {} frames", frames.index().keys().len());
-    let dataset = Dataset::load(frames, &truth, &config, arguments.cache, &cancel)?;
+    let mut dataset = Dataset::load(frames, &truth, &config, arguments.cache, &cancel)?;
+    if config.split_by == SplitBy::Episode {
+        dataset = dataset.with_episodes(&episodes(&arguments.data)?)?;
+    }
     for notice in &dataset.notices {
         eprintln!("note: {notice}");
     }

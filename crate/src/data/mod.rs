@@ -45,7 +45,7 @@ pub use reading::{AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Tabl
 pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
 pub use source::{EncodedFrames, FrameSource};
-pub use split::{Parts, Split, numpy_permutation};
+pub use split::{Parts, Split, SplitBy, numpy_permutation, parse_episodes};
 pub(crate) use table::layout_of;
 #[cfg(feature = "report")]
 pub(crate) use table::quote_csv;

@@ -1,11 +1,30 @@
 //! Which sequences are for training, validation and testing.
 
+use std::collections::HashSet;
 use std::str::FromStr;
 
 use rand_mt::Mt;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+
+/// What a split keeps together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SplitBy {
+    /// The frames of a sequence.
+    #[default]
+    Sequence,
+    /// The sequences of an episode, which share what the episode drew once, e.g. its target.
+    Episode,
+}
+
+impl SplitBy {
+    /// Whether it is [`SplitBy::Sequence`].
+    pub fn is_sequence(&self) -> bool {
+        *self == Self::Sequence
+    }
+}
 
 /// How sequences are divided: always whole sequences, since frames of one are too alike.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -131,6 +150,42 @@ impl FromStr for Split {
             validation: share(validation)?,
         })
     }
+}
+
+/// Parses `sequences.csv`, the columns `sequence` and `episode`: the names of both, a sequence a row.
+///
+/// # Errors
+/// When a column is missing, a row is damaged or a sequence has two rows.
+pub fn parse_episodes(bytes: &[u8]) -> Result<Vec<(String, String)>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_reader(bytes);
+    let damaged = |e: csv::Error| Error::input(format!("not a readable CSV file: {e}"));
+    let header = reader.headers().map_err(damaged)?.clone();
+    let column = |name: &str| {
+        header
+            .iter()
+            .position(|field| field == name)
+            .ok_or_else(|| {
+                Error::input(format!(
+                    "there is no column `{name}`; expected the columns `sequence` and `episode`"
+                ))
+            })
+    };
+    let (sequence, episode) = (column("sequence")?, column("episode")?);
+    let mut rows: Vec<(String, String)> = Vec::new();
+    let mut seen = HashSet::new();
+    for record in reader.records() {
+        let record = record.map_err(damaged)?;
+        let [sequence, episode] = [sequence, episode].map(|i| record[i].to_owned());
+        if !seen.insert(sequence.clone()) {
+            return Err(Error::input(format!(
+                "sequence `{sequence}` has two rows; expected one"
+            )));
+        }
+        rows.push((sequence, episode));
+    }
+    Ok(rows)
 }
 
 /// The order of `np.random.seed(seed); np.random.permutation(count)`, bit for bit, in any version

@@ -137,6 +137,15 @@ pub fn load_weights(weights: &mut Checkpoint, file: &[u8]) -> Result<()> {
             weights.config.name()
         )));
     }
+    let layers = trained.config.encoder_layers();
+    let mut strides = weights.config.encoder_layers().into_iter().zip(layers);
+    if let Some((to_train, found)) = strides.find(|(a, b)| a.stride != b.stride) {
+        return Err(Error::mismatch(format!(
+            "the checkpoint has stride {} at `{}`; expected {}, as in the encoder to train: give the same encoder \
+             strides",
+            found.stride, found.name, to_train.stride
+        )));
+    }
     weights.tensors = trained.tensors;
     weights.tensors.retain(|name, _| own.contains_key(name));
     Ok(())

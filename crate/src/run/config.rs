@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::SaeConfig;
-use crate::data::Split;
+use crate::data::{Split, SplitBy};
 use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 
@@ -25,6 +25,9 @@ pub struct TrainConfig {
     pub noise: f32,
     /// Which sequences are for training and which for validation.
     pub split: Split,
+    /// What the split keeps together.
+    #[serde(default, skip_serializing_if = "SplitBy::is_sequence")]
+    pub split_by: SplitBy,
     /// Weight of the velocity loss; the paper's is [`Architecture::velocity_weight`].
     ///
     /// [`Architecture::velocity_weight`]: crate::checkpoint::Architecture::velocity_weight
@@ -36,6 +39,9 @@ pub struct TrainConfig {
     pub validation_frames: ValidationFrames,
     /// How targets are resized.
     pub target_filter: TargetFilter,
+    /// How the colours of a reconstruction are compared with those of its target.
+    #[serde(default, skip_serializing_if = "ColorError::is_plain")]
+    pub color_error: ColorError,
     /// What the background bias of `-bg` starts from.
     #[serde(default, skip_serializing_if = "BackgroundStart::is_zero")]
     pub background: BackgroundStart,
@@ -107,6 +113,25 @@ pub enum BackgroundStart {
     Mean,
 }
 
+/// How the colours of a reconstruction are compared with those of its target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorError {
+    /// The mean squared error over red, green and blue, as in the paper.
+    #[default]
+    Plain,
+    /// The squared Mahalanobis distance of colours, under the covariance of what the training
+    /// targets have beyond their mean image, scaled so that the mean image has the same error as
+    /// with `Plain`. Large grey objects and their shading no longer outweigh small coloured ones.
+    Whitened,
+}
+
+impl ColorError {
+    fn is_plain(&self) -> bool {
+        *self == Self::Plain
+    }
+}
+
 impl BackgroundStart {
     fn is_zero(&self) -> bool {
         *self == Self::Zero
@@ -130,9 +155,11 @@ impl TrainConfig {
                 training: 0.5,
                 validation: 0.25,
             },
+            split_by: SplitBy::Sequence,
             drop_last: true,
             validation_frames: ValidationFrames::First,
             target_filter: TargetFilter::Bilinear,
+            color_error: ColorError::Plain,
             background: BackgroundStart::Zero,
             first_layer: None,
             weights: None,

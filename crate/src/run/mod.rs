@@ -5,9 +5,10 @@ mod config;
 mod folder;
 mod record;
 
-pub use crate::data::Split;
+pub use crate::data::{Split, SplitBy};
 pub use config::{
-    BackgroundStart, FirstLayer, StartWeights, TargetFilter, TrainConfig, ValidationFrames,
+    BackgroundStart, ColorError, FirstLayer, StartWeights, TargetFilter, TrainConfig,
+    ValidationFrames,
 };
 pub use folder::{
     CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, ERROR, EVENTS_PREFIX, FoundRun, FoundRuns, LOCK,

@@ -1,5 +1,6 @@
 //! Sequences of frames, decoded as often as needed.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,8 +15,8 @@ use super::digest::hex;
 use crate::data::{self, Filter, Frame, FrameSource, for_blocks, planes};
 use crate::error::{Error, Result};
 use crate::event::Cancel;
-use crate::run::{TargetFilter, TrainConfig};
-use crate::track::GroundTruth;
+use crate::run::{SplitBy, TargetFilter, TrainConfig};
+use crate::track::{FrameKey, GroundTruth};
 
 /// What decoded frames may take in memory unless told otherwise, in bytes: 4 GiB.
 pub const DEFAULT_CACHE: u64 = 4 << 30;
@@ -57,6 +58,7 @@ pub struct Sequence {
     frames: Arc<Frames>,
     /// The position of its first frame among all.
     start: usize,
+    episode: Option<String>,
     /// T x K x 2, ndc; NaN where an object is not visible or has no row.
     truth_ndc: Array3<f64>,
 }
@@ -321,6 +323,7 @@ impl Dataset {
                 name: range.name,
                 frames: Arc::clone(&frames),
                 start: range.start,
+                episode: None,
                 truth_ndc,
             });
         }
@@ -344,6 +347,51 @@ impl Dataset {
                 truth: truth_fingerprint(truth, &row_of),
             },
         })
+    }
+
+    /// The same with the episodes of sequences, given by the names of both. Sequences match as those
+    /// of frames and ground truth do.
+    ///
+    /// # Errors
+    /// When a sequence has no episode.
+    pub fn with_episodes(mut self, episodes: &[(String, String)]) -> Result<Self> {
+        let key = |sequence: &str| FrameKey {
+            sequence: sequence.to_owned(),
+            frame: 0,
+        };
+        let own: Vec<FrameKey> = self.sequences.iter().map(|s| key(&s.name)).collect();
+        let rows: Vec<FrameKey> = episodes.iter().map(|(name, _)| key(name)).collect();
+        let pairs = data::join(&own, &rows)?.pairs;
+        for (sequence, row) in pairs {
+            self.sequences[sequence].episode = Some(episodes[row].1.clone());
+        }
+        match self.sequences.iter().find(|s| s.episode.is_none()) {
+            Some(sequence) => Err(Error::mismatch(format!(
+                "sequence `{}` has no episode; expected a row for every sequence",
+                sequence.name
+            ))),
+            None => Ok(self),
+        }
+    }
+
+    /// The positions of sequences that a split keeps together, in order of their first ones.
+    pub(super) fn groups(&self, by: SplitBy) -> Result<Vec<Vec<usize>>> {
+        if by == SplitBy::Sequence {
+            return Ok((0..self.sequences.len()).map(|i| vec![i]).collect());
+        }
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        let mut group_of: HashMap<&str, usize> = HashMap::new();
+        for (i, sequence) in self.sequences.iter().enumerate() {
+            let episode = sequence.episode.as_deref().ok_or_else(|| {
+                Error::input("the data set has no episodes, by which it is to be split")
+            })?;
+            let group = *group_of.entry(episode).or_insert(groups.len());
+            match groups.get_mut(group) {
+                Some(members) => members.push(i),
+                None => groups.push(vec![i]),
+            }
+        }
+        Ok(groups)
     }
 
     /// Inputs (3 x height x width in [0, 1] each) and targets of frames, given by sequence and

@@ -13,6 +13,7 @@ mod lock;
 mod optimizer;
 mod run;
 mod state;
+mod targets;
 mod trainer;
 mod validation;
 

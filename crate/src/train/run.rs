@@ -19,6 +19,7 @@ use super::digest::hex;
 use super::events::Events;
 use super::lock::RunLock;
 use super::state::{self, Header, Progress, State};
+use super::targets::TargetMoments;
 use super::validation::Validation;
 use super::{Dataset, SNIPPET, Sequence, Trainer};
 use crate::atomic;
@@ -28,8 +29,8 @@ use crate::evaluation::EvaluationReport;
 use crate::event::{Cancel, Event};
 use crate::model::{OpenDevice, open};
 use crate::run::{
-    BackgroundStart, CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, EpochLog, LOG, Losses, RunConfig,
-    STATE, SUMMARY, TrainConfig, TrainSummary, read_log,
+    BackgroundStart, CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, ColorError, EpochLog, LOG, Losses,
+    RunConfig, STATE, SUMMARY, TrainConfig, TrainSummary, read_log,
 };
 
 /// What to do with a folder that holds a run already.
@@ -116,23 +117,29 @@ pub fn train(
         validation_sequences: names(&validation),
     };
     let mut folder = RunFolder::open(lock.folder(), options, &run, &dataset.fingerprint)?;
+    let whitens = config.color_error == ColorError::Whitened;
+    let starts_at_mean = config.background == BackgroundStart::Mean && folder.resumed.is_none();
+    let moments = (whitens || starts_at_mean)
+        .then(|| TargetMoments::of(dataset, &training, cancel))
+        .transpose()?;
     let mut trainer = match folder.resumed.take() {
         Some(state) => {
             let mut trainer = Trainer::on(&device, &state.weights, config.learning_rate)?;
             trainer.load_optimizer(state.optimizer)?;
             trainer
         }
-        None if config.background == BackgroundStart::Mean => {
-            let mean = mean_target(dataset, &training, cancel)?;
-            Trainer::on(
-                &device,
-                &on_background(weights, &mean)?,
-                config.learning_rate,
-            )?
+        None => {
+            let started = match &moments {
+                Some(moments) if starts_at_mean => on_background(weights, &moments.mean)?,
+                _ => weights.clone(),
+            };
+            Trainer::on(&device, &started, config.learning_rate)?
         }
-        None => Trainer::on(&device, weights, config.learning_rate)?,
     }
     .with_velocity_weight(config.velocity_weight);
+    if let Some(moments) = moments.filter(|_| whitens) {
+        trainer = trainer.with_color_transform(moments.whitening()?);
+    }
     let validation = Validation::new(validation, config);
 
     let start = Instant::now();
@@ -460,34 +467,15 @@ fn split<'a>(
     config: &TrainConfig,
     rng: &mut StdRng,
 ) -> Result<(Vec<&'a Sequence>, Vec<&'a Sequence>)> {
+    let groups = dataset.groups(config.split_by)?;
     let parts = config
         .split
-        .divide(dataset.sequences.len(), |order| order.shuffle(rng))?;
-    let take = |part: &[usize]| part.iter().map(|i| &dataset.sequences[*i]).collect();
+        .divide(groups.len(), |order| order.shuffle(rng))?;
+    let take = |part: &[usize]| {
+        let members = part.iter().flat_map(|group| &groups[*group]);
+        members.map(|i| &dataset.sequences[*i]).collect()
+    };
     Ok((take(&parts.training), take(&parts.validation)))
-}
-
-/// The mean of the targets of all training frames: red, green and blue planes.
-fn mean_target(dataset: &Dataset, training: &[&Sequence], cancel: &Cancel) -> Result<Vec<f64>> {
-    let mut sum = Vec::new();
-    let mut frames = 0;
-    for sequence in training {
-        cancel.check()?;
-        let all: Vec<(&Sequence, usize)> = (0..sequence.len()).map(|t| (*sequence, t)).collect();
-        let (_, targets) = dataset.gather(&all)?;
-        let size = targets.len() / all.len();
-        sum.resize(size, 0.0);
-        for target in targets.chunks_exact(size) {
-            for (sum, value) in sum.iter_mut().zip(target) {
-                *sum += f64::from(*value);
-            }
-        }
-        frames += all.len();
-    }
-    for value in &mut sum {
-        *value /= frames as f64;
-    }
-    Ok(sum)
 }
 
 /// `weights` with a background that, with the bias of the decoder's last convolution, is `mean`.

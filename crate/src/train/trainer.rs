@@ -20,6 +20,7 @@ pub struct Trainer {
     optimizer: ModuleOptimizer,
     learning_rate: f64,
     velocity_weight: f64,
+    color_transform: Option<[[f64; 3]; 3]>,
     /// Without autodiff.
     device: Device,
 }
@@ -41,6 +42,7 @@ impl Trainer {
     pub fn on(device: &Device, checkpoint: &Checkpoint, learning_rate: f64) -> Result<Self> {
         Ok(Self {
             velocity_weight: checkpoint.config.architecture.velocity_weight(),
+            color_transform: None,
             config: checkpoint.config.clone(),
             sae: Sae::from_checkpoint(checkpoint, &device.clone().autodiff())?,
             optimizer: adam(),
@@ -53,6 +55,15 @@ impl Trainer {
     pub fn with_velocity_weight(self, velocity_weight: f64) -> Self {
         Self {
             velocity_weight,
+            ..self
+        }
+    }
+
+    /// The same with errors of colours that are multiplied by a lower triangular matrix before they
+    /// are squared.
+    pub(super) fn with_color_transform(self, matrix: [[f64; 3]; 3]) -> Self {
+        Self {
+            color_transform: Some(matrix),
             ..self
         }
     }
@@ -163,7 +174,7 @@ impl Trainer {
         let output = sae.forward(images(inputs, input_size, &self.device)?);
         let targets = images(targets, self.config.target_size, &self.device)?;
         let [frames, ..] = targets.dims();
-        let difference = (output.reconstruction.clone() - targets).square();
+        let difference = self.squared_error(output.reconstruction.clone(), targets);
         let losses = host_values::<2>(difference.reshape([frames as i32, -1]).mean_dim(1))?;
         Ok((output, losses.into_iter().map(f64::from).collect()))
     }
@@ -186,6 +197,22 @@ impl Trainer {
         )
     }
 
+    /// The squared error of every pixel, a channel or the mean of all.
+    fn squared_error(&self, reconstruction: Tensor<4>, targets: Tensor<4>) -> Tensor<4> {
+        let difference = reconstruction - targets;
+        let Some(matrix) = &self.color_transform else {
+            return difference.square();
+        };
+        let channel = |i: usize| difference.clone().narrow(1, i, 1);
+        let row = |i: usize| {
+            (0..i)
+                .map(|j| channel(j) * matrix[i][j])
+                .fold(channel(i) * matrix[i][i], |sum, part| sum + part)
+                .square()
+        };
+        (row(0) + row(1) + row(2)) / 3.0
+    }
+
     fn losses(&self, output: &SaeOutput, targets: Tensor<4>) -> Result<(Tensor<1>, Losses)> {
         let [frames, keypoints, _] = output.latent.dims();
         if targets.dims() != output.reconstruction.dims() || frames % SNIPPET != 0 {
@@ -196,7 +223,9 @@ impl Trainer {
                 output.reconstruction.dims()
             )));
         }
-        let reconstruction = (output.reconstruction.clone() - targets).square().mean();
+        let reconstruction = self
+            .squared_error(output.reconstruction.clone(), targets)
+            .mean();
         let points = output
             .latent
             .clone()
