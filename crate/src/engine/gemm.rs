@@ -170,10 +170,52 @@ pub(crate) unsafe fn multiply<I: Isa, R: Right, const ROWS: usize, const N: usiz
     right: R,
     steps: usize,
 ) {
+    let mut k = 0;
+    if cfg!(target_arch = "wasm32") {
+        // The compiler unrolls a loop whose count it knows, and then gathers the operands of
+        // several steps, which are too many for the registers of a browser.
+        let one = std::hint::black_box(1);
+        while k != steps {
+            // SAFETY: the caller's promise.
+            unsafe { add_step::<I, R, ROWS, N>(isa, sums, left, right, k) };
+            k += one;
+        }
+        return;
+    }
+    while k + 4 <= steps {
+        // SAFETY: the caller's promise.
+        unsafe {
+            add_step::<I, R, ROWS, N>(isa, sums, left, right, k);
+            add_step::<I, R, ROWS, N>(isa, sums, left, right, k + 1);
+            add_step::<I, R, ROWS, N>(isa, sums, left, right, k + 2);
+            add_step::<I, R, ROWS, N>(isa, sums, left, right, k + 3);
+        }
+        k += 4;
+    }
+    while k < steps {
+        // SAFETY: the caller's promise.
+        unsafe { add_step::<I, R, ROWS, N>(isa, sums, left, right, k) };
+        k += 1;
+    }
+}
+
+/// Adds the products of the step k. (A function, since a closure that is called in several places
+/// is not always inlined, and then runs without the vectors of the instruction set.)
+///
+/// # Safety
+/// As [`multiply`], for this step.
+#[inline(always)]
+unsafe fn add_step<I: Isa, R: Right, const ROWS: usize, const N: usize>(
+    isa: I,
+    sums: &mut [[I::F32; N]; ROWS],
+    left: Left,
+    right: R,
+    k: usize,
+) {
     let ops = isa.f32();
     let lanes = ops.len();
-    // SAFETY: of each step, by the caller's promise.
-    let mut step = |k: usize| unsafe {
+    // SAFETY: the caller's promise.
+    unsafe {
         let row = right.at(k);
         let mut columns = [ops.zero(); N];
         for (i, column) in columns.iter_mut().enumerate() {
@@ -185,27 +227,5 @@ pub(crate) unsafe fn multiply<I: Isa, R: Right, const ROWS: usize, const N: usiz
                 *sum = ops.mul_add(factor, column, *sum);
             }
         }
-    };
-    let mut k = 0;
-    if cfg!(target_arch = "wasm32") {
-        // The compiler unrolls a loop whose count it knows, and then gathers the operands of
-        // several steps, which are too many for the registers of a browser.
-        let one = std::hint::black_box(1);
-        while k != steps {
-            step(k);
-            k += one;
-        }
-        return;
-    }
-    while k + 4 <= steps {
-        step(k);
-        step(k + 1);
-        step(k + 2);
-        step(k + 3);
-        k += 4;
-    }
-    while k < steps {
-        step(k);
-        k += 1;
     }
 }
