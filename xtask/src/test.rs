@@ -81,7 +81,8 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
     }
 
     for part in Part::ALL {
-        if !wanted(part) && !(part == Part::Page && page_gpu) {
+        let page_with_gpu = part == Part::Page && page_gpu;
+        if !wanted(part) && !page_with_gpu {
             steps.skipped(part.name());
             continue;
         }
