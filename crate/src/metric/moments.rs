@@ -270,16 +270,4 @@ impl Moments {
     pub fn missing(&self) -> &[u64] {
         &self.missing
     }
-
-    /// For every object, the sum of its squared distances from its mean, ndc; infinite beyond the
-    /// range of f64.
-    pub fn object_squares(&self) -> Vec<f64> {
-        let squares = |object: &ObjectMoments| {
-            let squares = object.truth_squares.iter().zip(object.truth_exponent);
-            squares
-                .map(|(squares, e)| times_power(*squares, 2 * e))
-                .sum()
-        };
-        self.objects.iter().map(squares).collect()
-    }
 }
