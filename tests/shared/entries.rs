@@ -1,6 +1,6 @@
 //! Every function that takes bytes from outside, under one name each: for the fuzzers in `fuzz/` and
-//! for `tests/terminal/mutations.rs`. Whatever the bytes are, it returns, with a result or an error, within
-//! the time and the memory that inputs of their size may take.
+//! for `tests/terminal/mutations.rs`. Whatever the bytes are, it returns, with a result or an error,
+//! within the time and the memory that inputs of their size may take.
 #![allow(dead_code, reason = "a fuzzer runs one entry, the test all of them")]
 
 use std::hint::black_box;

@@ -337,9 +337,10 @@ fn a_folder_has_one_training() {
 /// A sweep of two endless runs, planned.
 fn sweep(trainings: &Trainings) -> PathBuf {
     let text = format!(
-        "data = \"{}\"\narchitectures = [\"basic\"]\nseeds = \"0-1\"\n\n[train]\nepochs = {ENDLESS}\nbatch = 2\n\
-         keypoints = 4\ninput-size = 32\ntarget-size = 16\nsplit = \"0.67,0.33\"\nencoder-channels = [4, 6, 8]\n\
-         decoder-channels = [8, 6, 4]\n",
+        "data = \"{}\"\narchitectures = [\"basic\"]\nseeds = \"0-1\"\n\n\
+         [train]\nepochs = {ENDLESS}\nbatch = 2\nkeypoints = 4\n\
+         input-size = 32\ntarget-size = 16\nsplit = \"0.67,0.33\"\n\
+         encoder-channels = [4, 6, 8]\ndecoder-channels = [8, 6, 4]\n",
         trainings.data.display()
     );
     let file = trainings.path("sweep.toml");
