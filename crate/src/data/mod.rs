@@ -48,5 +48,6 @@ pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, SplitBy, numpy_permutation, parse_episodes};
 pub(crate) use table::layout_of;
 #[cfg(feature = "report")]
+#[cfg(feature = "report")]
 pub(crate) use table::quote_csv;
 pub use table::{ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints};

@@ -29,6 +29,7 @@ use std::num::NonZeroUsize;
 use ndarray::Array3;
 
 pub(crate) use delimited::layout_of;
+#[cfg(feature = "report")]
 pub(crate) use write::quote_csv;
 pub use write::{ground_truth_csv, keypoints_csv};
 
