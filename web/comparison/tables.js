@@ -31,7 +31,7 @@ export function tableView(table, order) {
     h(
       "th",
       { scope: "col", class: isText ? "text" : "" },
-      isSorted ? sortButton(label, () => sortBy(i)) : capitalised(label),
+      isSorted ? sortButton(label, () => sortBy(i)) : label,
     ),
   );
   const show = () => {
@@ -65,12 +65,7 @@ export function tableView(table, order) {
  * @param {() => void} onclick
  */
 function sortButton(label, onclick) {
-  return h("button", { type: "button", class: "sort", onclick }, capitalised(label));
-}
-
-/** @param {string} label */
-function capitalised(label) {
-  return label.charAt(0).toUpperCase() + label.slice(1);
+  return h("button", { type: "button", class: "sort", onclick }, label);
 }
 
 /**
