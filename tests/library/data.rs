@@ -159,7 +159,7 @@ fn bad_tables_are_told_with_line_and_column() {
         ),
         (
             format!("{header}0,0,cube,0.1,0.2\n0,1,cube,0,0\n0,0,cube,0.1,0.2\n"),
-            "gt.csv: line 4: sequence 0, frame 0, object cube stands already in line 2",
+            "gt.csv: line 4: sequence 0, frame 0, object cube is already in line 2",
         ),
         (
             format!("{header}0,0,cube,0.1,0.2\n0,1,cube,0.3\n"),

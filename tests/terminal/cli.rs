@@ -327,7 +327,7 @@ fn bad_tables_name_file_line_and_remedy() {
         (
             format!("{good}a,0,cube,0,0\n"),
             3,
-            "gt.csv: line 82: sequence a, frame 0, object cube stands already in line 2",
+            "gt.csv: line 82: sequence a, frame 0, object cube is already in line 2",
         ),
         (
             "sequence,frame,object,x,y\r\n".to_owned(),

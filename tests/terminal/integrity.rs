@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 use std::fs::{self, File};
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -22,6 +23,20 @@ const ENDLESS: u32 = 1_000_000;
 
 fn recording() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/panda_push")
+}
+
+/// The command, which does not ignore SIGHUP even where the tests do, as under `nohup`.
+fn tracklens() -> Command {
+    use nix::sys::signal::{SigHandler, Signal, signal};
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tracklens"));
+    // SAFETY: `signal` may be called between fork and exec, and the default installs no code.
+    unsafe {
+        command.pre_exec(|| {
+            signal(Signal::SIGHUP, SigHandler::SigDfl)?;
+            Ok(())
+        });
+    }
+    command
 }
 
 /// Trainings of a tiny network, in a folder of their own.
@@ -51,7 +66,7 @@ impl Trainings {
     }
 
     fn command(&self, out: &str, epochs: u32, more: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tracklens"));
+        let mut command = tracklens();
         command
             .arg("train")
             .arg("--data")
@@ -355,7 +370,7 @@ fn sweep(trainings: &Trainings) -> PathBuf {
 }
 
 fn run_sweep(folder: &Path, more: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_tracklens"));
+    let mut command = tracklens();
     command
         .args(["sweep", "run", "--quiet", "--threads=1"])
         .arg(folder)

@@ -362,7 +362,7 @@ async fn bad_tables_and_checkpoints_are_told_and_replaced(browser: Browser) {
             good.replacen("cube,", "cube,abc", 1),
             "line 2, column `x`: `abc",
         ),
-        ("twice.csv", duplicate, "stands already in line 2"),
+        ("twice.csv", duplicate, "is already in line 2"),
         (
             "empty.csv",
             "sequence,frame,object,x,y\n".to_owned(),
