@@ -55,6 +55,39 @@ fn every_format_gives_back_what_went_in() {
 }
 
 #[test]
+fn strides_are_stored_where_they_are_not_the_papers() {
+    let mut checkpoint = tiny("keynet-vel-std-bg-tiny");
+    let json = |checkpoint: &Checkpoint| {
+        serde_json::to_string(&checkpoint.config).expect("JSON of a configuration")
+    };
+    assert!(!json(&checkpoint).contains("encoder_strides"));
+    checkpoint.config.encoder_strides = vec![1, 2, 1, 1];
+    assert!(json(&checkpoint).contains(r#""encoder_strides":[1,2,1,1]"#));
+    // From 64 pixels to 32 cells, each as wide as two pixels.
+    let sides = checkpoint.config.encoder_layers();
+    let cells = sides.iter().try_fold(64, |side, l| l.output_side(side));
+    assert_eq!(cells, Some(32));
+    assert_eq!(checkpoint.config.cell_positions(), [0.0, 2.0]);
+    for format in FORMATS {
+        let bytes = checkpoint.to_bytes(format).expect("bytes");
+        let read = Checkpoint::from_bytes(&bytes).expect("a checkpoint");
+        assert_eq!(read.config.encoder_strides, [1, 2, 1, 1], "{format}");
+    }
+
+    let wrong = |checkpoint: &Checkpoint, part: &str| {
+        let error = checkpoint.config.validate().expect_err(part).to_string();
+        assert!(error.contains(part), "{error}");
+    };
+    checkpoint.config.encoder_strides = vec![1, 2];
+    wrong(&checkpoint, "2 encoder strides given");
+    checkpoint.config.encoder_strides = vec![1, 2, 3, 1];
+    wrong(&checkpoint, "encoder strides is 3; expected 1 to 2");
+    let mut basic = tiny("basic-vel-std-bg-tiny");
+    basic.config.encoder_strides = vec![1, 1, 1];
+    wrong(&basic, "only a KeyNet takes them");
+}
+
+#[test]
 fn a_checkpoint_of_the_authors_holds_weights_and_configuration() {
     let checkpoint =
         Checkpoint::from_bytes(&golden("basic-vel-std-bg-tiny.pth")).expect("a checkpoint");

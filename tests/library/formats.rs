@@ -9,8 +9,8 @@ use serde_json::Value;
 use tracklens::data::{
     ArchiveEntry, ArchiveIndex, AxisOrder, Frame, FrameSource, Ground, Notice, NpyArray, NpzWriter,
     Pixels, Recording, Space, Split, TableOptions, ground_truth_csv, ground_truth_of_arrays,
-    keypoints_of_arrays, numpy_permutation, parse_ground_truth, parse_npz_ground_truth,
-    parse_npz_keypoints,
+    keypoints_of_arrays, numpy_permutation, parse_episodes, parse_ground_truth,
+    parse_npz_ground_truth, parse_npz_keypoints,
 };
 use tracklens::error::Reason;
 use tracklens::track::FrameKey;
@@ -80,6 +80,23 @@ fn splits_are_read_from_text_and_json() {
     }
     assert!(serde_json::from_str::<Split>(r#"{"training":0.5}"#).is_err());
     assert!(serde_json::from_str::<Split>(r#"{"training":0.5,"validation":0.2,"x":1}"#).is_err());
+}
+
+#[test]
+fn episodes_are_read_by_the_names_of_their_columns() {
+    let rows = parse_episodes(b"episode,note,sequence\n7,x,seq_0\n7,,seq_1\n").expect("rows");
+    let row = |sequence: &str| (sequence.to_owned(), "7".to_owned());
+    assert_eq!(rows, [row("seq_0"), row("seq_1")]);
+    for (table, part) in [
+        ("sequence\n0\n", "there is no column `episode`"),
+        ("sequence,episode\n0,1\n0,2\n", "sequence `0` has two rows"),
+        ("sequence,episode\n0\n", "not a readable CSV file"),
+    ] {
+        let error = parse_episodes(table.as_bytes())
+            .expect_err(part)
+            .to_string();
+        assert!(error.contains(part), "{error}");
+    }
 }
 
 #[test]

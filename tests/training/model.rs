@@ -36,38 +36,54 @@ fn the_papers_saes_equal_the_reference() {
     }
 }
 
-#[test]
-fn the_engine_computes_what_the_module_defines() {
+/// On a real frame of several sizes.
+fn the_engine_equals_the_module(name: &str, checkpoint: &Checkpoint) {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../tests/data/panda_push/seq_0012/frame_003.png"
     );
     let frame = Frame::decode(&std::fs::read(path).expect("a frame")).expect("an image");
     let device = Device::flex();
+    let sae = Sae::from_checkpoint(checkpoint, &device).expect("an SAE");
+    let engine = CpuEncoder::new(checkpoint).expect("a plan");
+    for size in [[256usize, 256], [100, 76], [33, 257]] {
+        let input = frame.to_planar(Some(size), Filter::BilinearAntialias);
+        let [width, height] = size;
+        let module = points_xy(sae.encoder.forward(batch(
+            &[1, 3, height, width],
+            input.clone(),
+            &device,
+        )));
+        let module: Vec<f32> = module.expect("points").iter().map(|v| *v as f32).collect();
+        let engine = engine
+            .run(&mut Workspace::default(), &input, size)
+            .expect("points");
+        let difference = largest(&engine.concat(), &module);
+        println!("{name}, {width} x {height}: {difference:.1e}");
+        assert!(difference < KEYPOINTS);
+    }
+}
+
+#[test]
+fn the_engine_computes_what_the_module_defines() {
     for name in TINY {
         let mut checkpoint =
             Checkpoint::from_safetensors(&golden(&format!("{name}.safetensors"))).expect("valid");
         if !checkpoint.config.trained_temperature {
             checkpoint.config.temperature = 0.7;
         }
-        let sae = Sae::from_checkpoint(&checkpoint, &device).expect("an SAE");
-        let engine = CpuEncoder::new(&checkpoint).expect("a plan");
-        for size in [[256usize, 256], [100, 76], [33, 257]] {
-            let input = frame.to_planar(Some(size), Filter::BilinearAntialias);
-            let [width, height] = size;
-            let module = points_xy(sae.encoder.forward(batch(
-                &[1, 3, height, width],
-                input.clone(),
-                &device,
-            )));
-            let module: Vec<f32> = module.expect("points").iter().map(|v| *v as f32).collect();
-            let engine = engine
-                .run(&mut Workspace::default(), &input, size)
-                .expect("points");
-            let difference = largest(&engine.concat(), &module);
-            println!("{name}, {width} x {height}: {difference:.1e}");
-            assert!(difference < KEYPOINTS);
-        }
+        the_engine_equals_the_module(name, &checkpoint);
+    }
+}
+
+/// Strides change no weight, so that one checkpoint serves for all.
+#[test]
+fn the_engine_follows_the_strides_of_a_keynet() {
+    let golden = golden("keynet-vel-std-bg-tiny.safetensors");
+    for strides in [[1, 1, 1, 1], [1, 2, 1, 1], [2, 1, 2, 1], [2, 2, 2, 2]] {
+        let mut checkpoint = Checkpoint::from_safetensors(&golden).expect("valid");
+        checkpoint.config.encoder_strides = strides.to_vec();
+        the_engine_equals_the_module(&format!("strides {strides:?}"), &checkpoint);
     }
 }
 

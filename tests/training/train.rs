@@ -12,8 +12,8 @@ use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
 use tracklens::model::fresh_weights;
 use tracklens::run::{
-    BackgroundStart, CONFIG, EpochLog, LOG, RunConfig, SUMMARY, Split, TrainConfig, TrainSummary,
-    ValidationFrames, read_log,
+    BackgroundStart, CONFIG, ColorError, EpochLog, LOG, RunConfig, SUMMARY, Split, SplitBy,
+    TrainConfig, TrainSummary, ValidationFrames, read_log,
 };
 use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunLock, RunOptions, train};
 
@@ -307,6 +307,73 @@ fn what_the_paper_and_the_code_do_differently_is_a_switch() {
         ..config(1)
     };
     assert_eq!(frames("all", &all), 5);
+}
+
+#[test]
+fn sequences_of_an_episode_stay_together() {
+    let pair = |sequence: &str, episode: &str| (sequence.to_owned(), episode.to_owned());
+    // By name, and by the number in the name.
+    let episodes = [pair("0", "a"), pair("seq_0001", "b"), pair("12", "a")];
+    for seed in 0..4 {
+        let folder = tempfile::tempdir().expect("a folder");
+        let config = TrainConfig {
+            seed,
+            split_by: SplitBy::Episode,
+            batch: 1,
+            ..config(1)
+        };
+        let dataset = dataset(&config, DEFAULT_CACHE)
+            .with_episodes(&episodes)
+            .expect("episodes");
+        let weights = fresh_weights(&config.sae, config.seed);
+        let options = RunOptions {
+            existing: Existing::Refuse,
+            tensorboard: false,
+        };
+        let cancel = Cancel::default();
+        train(
+            &config,
+            &dataset,
+            &weights,
+            folder.path(),
+            options,
+            &mut |_| {},
+            &cancel,
+        )
+        .expect("a training");
+        let said: RunConfig =
+            serde_json::from_slice(&fs::read(folder.path().join(CONFIG)).expect("a file"))
+                .expect("valid JSON");
+        let mut parts = [said.training_sequences, said.validation_sequences];
+        parts.iter_mut().for_each(|part| part.sort());
+        parts.sort();
+        assert_eq!(parts[0], ["seq_0000", "seq_0012"]);
+        assert_eq!(parts[1], ["seq_0001"]);
+    }
+    let missing = dataset(&config(1), DEFAULT_CACHE).with_episodes(&episodes[..2]);
+    let error = missing.expect_err("no episode").to_string();
+    assert!(error.contains("`seq_0012` has no episode"), "{error}");
+}
+
+#[test]
+fn training_lowers_the_error_of_whitened_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let losses = |color_error: ColorError| {
+        let out = folder.path().join(format!("{color_error:?}"));
+        let config = TrainConfig {
+            color_error,
+            background: BackgroundStart::Mean,
+            ..config(3)
+        };
+        run(&config, &out);
+        let log = fs::read(out.join(LOG)).expect("a log");
+        let (entries, _) = read_log(&log);
+        let losses: Vec<f64> = entries.iter().map(|e| e.training.reconstruction).collect();
+        losses
+    };
+    let [plain, whitened] = [ColorError::Plain, ColorError::Whitened].map(losses);
+    assert!(whitened[2] < whitened[0], "{whitened:?}");
+    assert_ne!(whitened, plain, "the option has no effect");
 }
 
 #[test]
