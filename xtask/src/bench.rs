@@ -119,7 +119,7 @@ fn train(workspace: &Workspace) -> Result<()> {
 
 fn size(workspace: &Workspace) -> Result<()> {
     setup::chromium()?;
-    package::build(workspace, false)?;
+    package::build(workspace, package::Build::Full, false)?;
     site::write(workspace, &workspace.site(), false)?;
     let mut cargo = run::cargo();
     cargo

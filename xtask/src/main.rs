@@ -59,7 +59,7 @@ enum Task {
         #[arg(long)]
         gpu: bool,
     },
-    /// Build the site and serve it on 127.0.0.1.
+    /// Build the site, quickly and not as small as `site` does, and serve it on 127.0.0.1.
     Serve {
         /// The port to listen on, 0 for any; the first free one from 8080 on if not given.
         #[arg(long)]
@@ -131,13 +131,13 @@ fn perform(task: Task) -> Result<()> {
     let workspace = Workspace::locate()?;
     match task {
         Task::Setup { browsers } => setup::run(&workspace, browsers),
-        Task::Build { gpu } => package::build(&workspace, gpu),
+        Task::Build { gpu } => package::build(&workspace, package::Build::Full, gpu),
         Task::Site { out, gpu } => {
-            package::build(&workspace, gpu)?;
+            package::build(&workspace, package::Build::Full, gpu)?;
             site::write(&workspace, &out.unwrap_or_else(|| workspace.site()), gpu)
         }
         Task::Serve { port, open, gpu } => {
-            package::build(&workspace, gpu)?;
+            package::build(&workspace, package::Build::Quick, gpu)?;
             site::write(&workspace, &workspace.site(), gpu)?;
             serve::serve(&workspace.site(), port, open)
         }

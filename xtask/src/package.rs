@@ -62,6 +62,16 @@ pub const GPU: Part = Part {
     fast: false,
 };
 
+/// What a build is for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Build {
+    /// For a browser on this machine: not optimised as a whole, which takes most of the time, and
+    /// so larger.
+    Quick,
+    /// For others: as small and fast as can be.
+    Full,
+}
+
 /// A WebAssembly module of the package.
 pub struct Part {
     /// The base name of its files.
@@ -82,12 +92,20 @@ impl Part {
         format!("{}.js", self.name)
     }
 
+    /// Cargo's profile for a build.
+    fn profile(&self, build: Build) -> &'static str {
+        match (build, self.profile) {
+            (Build::Quick, "wasm") => "wasm-quick",
+            _ => self.profile,
+        }
+    }
+
     /// The crate's own level of optimisation, for cargo; that of dependencies is in the profile.
-    fn opt_level(&self) -> String {
+    fn opt_level(&self, build: Build) -> String {
         let level = if self.fast { "3" } else { "\"s\"" };
         format!(
             "profile.{}.package.tracklens.opt-level={level}",
-            self.profile
+            self.profile(build)
         )
     }
 
@@ -130,26 +148,30 @@ const WASM_OPT: [&str; 8] = [
 ];
 
 /// Builds the parts of the package that are not up to date, with or without the one for GPUs, and
-/// prints their sizes.
+/// prints their sizes if they are made for others.
 ///
 /// Cargo compiles the parts one by one. Meanwhile npm installs its tools, and the parts that are
 /// compiled are finished.
 ///
 /// # Errors
 /// No toolchain for wasm, or the build fails. A missing wasm-opt is only reported.
-pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
+pub fn build(workspace: &Workspace, build: Build, gpu: bool) -> Result<()> {
     let toolchain = wasm_toolchain(workspace)?;
     let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
     let count = parts().count();
     eprintln!("Building {count} parts of the page: minutes the first time, seconds from then on.");
     let optimiser = OnceLock::new();
-    let optimiser = || optimiser.get_or_init(|| npm_tools(workspace)).as_ref();
+    let optimiser = || {
+        optimiser
+            .get_or_init(|| npm_tools(workspace, build))
+            .as_ref()
+    };
     thread::scope(|scope| {
         scope.spawn(optimiser);
         let mut under_way = Vec::new();
         for (index, part) in parts().enumerate() {
             eprintln!("Compiling part {} of {count}: {}", index + 1, part.name);
-            let compiled = compile(workspace, &toolchain, part)?;
+            let compiled = compile(workspace, &toolchain, part, build)?;
             under_way.push(scope.spawn(move || {
                 // wasm-opt would take minutes for the large one.
                 let optimiser = optimiser().filter(|_| part.profile != GPU.profile);
@@ -161,6 +183,9 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
                 .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         })
     })?;
+    if build == Build::Quick {
+        return Ok(());
+    }
     let package = workspace.package();
     for part in parts() {
         let size = |file: String| -> Result<[usize; 2]> {
@@ -181,10 +206,13 @@ pub fn build(workspace: &Workspace, gpu: bool) -> Result<()> {
     Ok(())
 }
 
-/// wasm-opt, if npm can install it, and the libraries of the page.
-fn npm_tools(workspace: &Workspace) -> Option<WasmOpt> {
+/// The libraries of the page and, for a full build, wasm-opt, if npm can install them.
+fn npm_tools(workspace: &Workspace, build: Build) -> Option<WasmOpt> {
     if let Err(error) = page_libraries(workspace) {
         eprintln!("warning: the page will not read videos: {error:#}");
+    }
+    if build == Build::Quick {
+        return None;
     }
     wasm_opt(workspace)
         .inspect_err(|error| {
@@ -197,19 +225,25 @@ fn npm_tools(workspace: &Workspace) -> Option<WasmOpt> {
 }
 
 /// The wasm file of a part as cargo leaves it.
-fn compile(workspace: &Workspace, toolchain: &WasmToolchain, part: &Part) -> Result<Vec<u8>> {
+fn compile(
+    workspace: &Workspace,
+    toolchain: &WasmToolchain,
+    part: &Part,
+    build: Build,
+) -> Result<Vec<u8>> {
+    let profile = part.profile(build);
     let mut cargo = toolchain.cargo("rustc");
     // As a library for Rust too it would not be optimised as a whole.
     cargo.arg("--crate-type=cdylib");
     run::run(
         cargo
             .args(LIBRARY)
-            .arg(format!("--profile={}", part.profile))
+            .arg(format!("--profile={profile}"))
             .arg(format!("--features={}", part.feature))
-            .args(["--config", &part.opt_level()])
+            .args(["--config", &part.opt_level(build)])
             .current_dir(workspace.root()),
     )?;
-    let folder = toolchain.folder(workspace).join(part.profile);
+    let folder = toolchain.folder(workspace).join(profile);
     read(&folder.join("tracklens.wasm"))
 }
 

@@ -73,7 +73,9 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
         cargo_test(workspace, &["--release", "--package=tracklens"])
     });
     let npm = "npm package under node";
-    let package = steps.run("wasm package", || package::build(workspace, page_gpu));
+    let package = steps.run("wasm package", || {
+        package::build(workspace, package::Build::Full, page_gpu)
+    });
     if package.is_some() {
         steps.run(npm, || npm_tests(workspace));
     } else {

@@ -34,7 +34,7 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let browser = setup::chromium()?;
     let node = setup::node()?;
     let peers = setup::npm_packages(workspace, &node, &setup::PAGE_PEERS)?;
-    package::build(workspace, false)?;
+    package::build(workspace, package::Build::Full, false)?;
     site::write(workspace, &workspace.site(), false)?;
     let made = TempDir::new().context("no folder for what is measured")?;
     make_encoders(workspace, made.path())?;
