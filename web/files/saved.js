@@ -1,7 +1,7 @@
 // @ts-check
 /** Evaluations that were saved: files that the page shows again, as far as they tell. */
 
-import { parseEvaluation } from "../pkg/index.js";
+import init, { parseEvaluation } from "../pkg/index.js";
 import { bytesOf } from "./sources.js";
 
 /**
@@ -21,6 +21,7 @@ export class SavedEvaluation {
 
   /** @param {import("./sources.js").Source} source */
   static async parse(source) {
+    await init(["figures"]);
     const evaluation = parseEvaluation(await bytesOf(source), source.path);
     const { tc } = evaluation;
     if (tc !== null && !(tc >= 0 && tc <= 1)) {

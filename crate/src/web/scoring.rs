@@ -15,7 +15,7 @@ use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
-use crate::evaluation::{self, EvaluationReport, IntervalsReport, Request};
+use crate::evaluation::{self, IntervalsReport, Request};
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
 use crate::track::FrameKey;
 
@@ -335,13 +335,4 @@ impl Scoring {
         }
         Ok(out.into())
     }
-}
-
-/// Reads the JSON of an evaluation.
-///
-/// # Errors
-/// As [`EvaluationReport::parse`].
-#[wasm_bindgen(js_name = parseEvaluation)]
-pub fn parse_evaluation(bytes: &[u8], name: &str) -> JsResult<JsValue> {
-    to_js(&EvaluationReport::parse(bytes, name).map_err(|e| js_error(&e))?)
 }
