@@ -437,7 +437,7 @@ async fn a_checkpoint_on_the_example_is_compared_with_its_own_one_by_one() {
         .into_iter()
         .map(|row| row[0].clone())
         .collect();
-    assert_eq!(names, ["checkpoint", "mine"]);
+    assert_eq!(names, ["checkpoint.safetensors", "mine.safetensors"]);
     // Nothing says that the two differ in their seeds alone.
     assert_eq!(
         page.value("document.querySelector('#comparison').dataset.groups")
