@@ -20,12 +20,12 @@ impl Threshold {
     /// A threshold on the mean squared distance (ndc) of `object`.
     ///
     /// # Errors
-    /// When `value` is not a finite number above 0.
+    /// When `value` is not a positive number.
     pub fn new(object: impl Into<String>, value: f64) -> Result<Self> {
         let object = object.into();
         if !(value.is_finite() && value > 0.0) {
             return Err(Error::input(format!(
-                "the threshold of `{object}` is {value}, which is not a finite number above 0; {EXPECTED}"
+                "the threshold of object `{object}` is {value}; expected a positive number"
             )));
         }
         Ok(Self { object, value })
@@ -61,12 +61,15 @@ impl FromStr for Threshold {
             )));
         }
         let object = quoted.unwrap_or(&name);
-        match value.parse::<f64>() {
-            Ok(number) => Self::new(object, number),
-            Err(_) => Err(Error::input(format!(
-                "the threshold of `{object}` is `{value}`, which is not a number; {EXPECTED}"
-            ))),
-        }
+        let wrong = |value: &str, why: &str| {
+            Error::input(format!(
+                "the threshold of `{object}` is {value}, which is {why}; {EXPECTED}"
+            ))
+        };
+        let number = value
+            .parse()
+            .map_err(|_| wrong(&format!("`{value}`"), "not a number"))?;
+        Self::new(object, number).map_err(|_| wrong(&value, "not a finite number above 0"))
     }
 }
 
