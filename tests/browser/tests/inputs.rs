@@ -680,7 +680,8 @@ async fn files_are_replaced_and_removed_without_starting_over() {
         .await;
     page.until("document.querySelectorAll('.card').length === 2")
         .await;
-    page.until_text("replaces the file of the same path").await;
+    page.until_text("replaces the earlier file of the same path")
+        .await;
 
     // A sequence is removed from the list, and the rest scored without extracting anything again.
     let matched = page
@@ -996,7 +997,8 @@ async fn a_sequence_of_loose_images_can_be_renamed(browser: Browser) {
     page.pick(&[&images[0], &images[1]]).await;
     page.until("document.querySelector('#files [data-role=image]')")
         .await;
-    page.click("#files [data-key=sequences] summary").await;
+    let summary = "document.querySelector('#files [data-key=sequences] summary')";
+    page.value(&format!("{summary}.click()")).await;
     let field = "document.querySelector('#files input.row-name')";
     page.until(field).await;
     page.value(&format!(

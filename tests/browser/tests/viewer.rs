@@ -83,26 +83,34 @@ async fn keys_move_through_frames_and_sequences(browser: Browser) {
     page.close().await;
 }
 
+/// How many changes of the results an event makes, as an expression.
+///
+/// The results are updated at once, so what changes while the event is handled is its work; figures
+/// that are drawn again for another width of the page come later.
+fn changes_by(selector: &str, event: &str) -> String {
+    format!(
+        "(() => {{ const seen = new MutationObserver(() => {{}}); \
+         seen.observe(document.querySelector('#results'), {{ attributes: true, childList: true, \
+         characterData: true, subtree: true }}); \
+         document.querySelector('{selector}').dispatchEvent({event}); \
+         const changes = seen.takeRecords().length; seen.disconnect(); return changes; }})()"
+    )
+}
+
 async fn moving_decodes_ahead_and_changes_nothing_but_the_frame(browser: Browser) {
     let page = example(browser).await;
     page.until("document.querySelector('#sequences svg')").await;
-    // The results are updated at once, so what changes while the move is made is its work; figures
-    // that are drawn again for another width of the page come later.
     page.value(
         "(() => { const counts = document.body.dataset; counts.decoded = 0; \
          const decode = createImageBitmap; \
-         globalThis.createImageBitmap = (...given) => { counts.decoded++; return decode(...given); }; \
-         globalThis.changedBy = (selector, event) => { const seen = new MutationObserver(() => {}); \
-         seen.observe(document.querySelector('#results'), { attributes: true, childList: true, characterData: true, subtree: true }); \
-         document.querySelector(selector).dispatchEvent(event); \
-         const changes = seen.takeRecords().length; seen.disconnect(); return changes; }; })()",
+         globalThis.createImageBitmap = (...given) => { counts.decoded++; return decode(...given); }; })()",
     )
     .await;
     let changed = page
-        .number(
-            "(document.querySelector('#scrubber').value = '2', \
-             changedBy('#scrubber', new Event('input', { bubbles: true })))",
-        )
+        .number(&format!(
+            "(document.querySelector('#scrubber').value = '2', {})",
+            changes_by("#scrubber", "new Event('input', { bubbles: true })")
+        ))
         .await;
     assert_eq!(changed, 0.0);
     until_frame(&page, 2).await;
@@ -112,9 +120,10 @@ async fn moving_decodes_ahead_and_changes_nothing_but_the_frame(browser: Browser
         page.until("document.body.dataset.decoded === '4'").await;
     }
     let changed = page
-        .number(
-            "changedBy('#stage', new KeyboardEvent('keydown', { key: 'PageDown', bubbles: true }))",
-        )
+        .number(&changes_by(
+            "#stage",
+            "new KeyboardEvent('keydown', { key: 'PageDown', bubbles: true })",
+        ))
         .await;
     assert!(changed > 0.0);
     until_frame(&page, 10).await;
