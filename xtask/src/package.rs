@@ -65,8 +65,8 @@ pub const GPU: Part = Part {
 /// What a build is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Build {
-    /// For a browser on this machine: not optimised as a whole, which takes most of the time, and
-    /// so larger.
+    /// For a browser on this machine: every part is the same module, which holds all of them and is
+    /// compiled once, not optimised as a whole. That takes a third of the time and is larger.
     Quick,
     /// For others: as small and fast as can be.
     Full,
@@ -92,20 +92,12 @@ impl Part {
         format!("{}.js", self.name)
     }
 
-    /// Cargo's profile for a build.
-    fn profile(&self, build: Build) -> &'static str {
-        match (build, self.profile) {
-            (Build::Quick, "wasm") => "wasm-quick",
-            _ => self.profile,
-        }
-    }
-
     /// The crate's own level of optimisation, for cargo; that of dependencies is in the profile.
-    fn opt_level(&self, build: Build) -> String {
+    fn opt_level(&self) -> String {
         let level = if self.fast { "3" } else { "\"s\"" };
         format!(
             "profile.{}.package.tracklens.opt-level={level}",
-            self.profile(build)
+            self.profile
         )
     }
 
@@ -135,6 +127,24 @@ pub const WHOLE: [&str; 5] = [
     "--features=web",
 ];
 
+/// The module of a quick build. Its profile is the one of xtask, whose procedural macros then serve
+/// both.
+const QUICK: Part = Part {
+    name: "all of them in one",
+    feature: "web",
+    profile: "tool",
+    fast: true,
+};
+
+/// How the profile of xtask is changed to compile for a browser. What is said of all packages by
+/// name would count for procedural macros too, and they would be compiled again.
+const QUICK_PROFILE: [&str; 4] = [
+    "--config=profile.tool.opt-level=\"s\"",
+    "--config=profile.tool.codegen-units=16",
+    "--config=profile.tool.package.rten-simd.opt-level=3",
+    "--config=profile.tool.package.rten-vecmath.opt-level=3",
+];
+
 /// What the compiler may use of wasm, should the file not say so itself.
 const WASM_OPT: [&str; 8] = [
     "--enable-bulk-memory",
@@ -159,7 +169,7 @@ pub fn build(workspace: &Workspace, build: Build, gpu: bool) -> Result<()> {
     let toolchain = wasm_toolchain(workspace)?;
     let parts = || PARTS.iter().chain(gpu.then_some(&GPU));
     let count = parts().count();
-    eprintln!("Building {count} parts of the page: minutes the first time, seconds from then on.");
+    eprintln!("Building the page's {count} modules: minutes the first time, seconds from then on.");
     let optimiser = OnceLock::new();
     let optimiser = || {
         optimiser
@@ -169,9 +179,18 @@ pub fn build(workspace: &Workspace, build: Build, gpu: bool) -> Result<()> {
     thread::scope(|scope| {
         scope.spawn(optimiser);
         let mut under_way = Vec::new();
+        let together = match build {
+            Build::Quick => Some(compile(workspace, &toolchain, &QUICK, &QUICK_PROFILE)?),
+            Build::Full => None,
+        };
         for (index, part) in parts().enumerate() {
-            eprintln!("Compiling part {} of {count}: {}", index + 1, part.name);
-            let compiled = compile(workspace, &toolchain, part, build)?;
+            let compiled = match &together {
+                Some(together) if part.name != GPU.name => together.clone(),
+                _ => {
+                    eprintln!("Compiling part {} of {count}: {}", index + 1, part.name);
+                    compile(workspace, &toolchain, part, &[])?
+                }
+            };
             under_way.push(scope.spawn(move || {
                 // wasm-opt would take minutes for the large one.
                 let optimiser = optimiser().filter(|_| part.profile != GPU.profile);
@@ -229,9 +248,9 @@ fn compile(
     workspace: &Workspace,
     toolchain: &WasmToolchain,
     part: &Part,
-    build: Build,
+    options: &[&str],
 ) -> Result<Vec<u8>> {
-    let profile = part.profile(build);
+    let profile = part.profile;
     let mut cargo = toolchain.cargo("rustc");
     // As a library for Rust too it would not be optimised as a whole.
     cargo.arg("--crate-type=cdylib");
@@ -240,7 +259,8 @@ fn compile(
             .args(LIBRARY)
             .arg(format!("--profile={profile}"))
             .arg(format!("--features={}", part.feature))
-            .args(["--config", &part.opt_level(build)])
+            .args(options)
+            .args(["--config", &part.opt_level()])
             .current_dir(workspace.root()),
     )?;
     let folder = toolchain.folder(workspace).join(profile);
