@@ -210,8 +210,8 @@ export class Score extends EventTarget {
   }
 
   /**
-   * The evaluation with all that belongs to it: intervals, errors by sequence, what others measure,
-   * the command.
+   * The evaluation with all that belongs to it: intervals, errors by sequence, other metrics, the
+   * command.
    * @returns {Evaluation | null}
    */
   completeEvaluation() {
@@ -222,7 +222,7 @@ export class Score extends EventTarget {
     return { ...evaluation, command: this.command() };
   }
 
-  /** What others measure of the same frames; takes a while. */
+  /** Other metrics of the same frames; takes a while. */
   context() {
     const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
     return evaluation?.context ?? this.evaluation?.context ?? null;

@@ -1,4 +1,4 @@
-//! What others measure of the same data, for context: linear regression with PCK, and min-cost
+//! Other metrics of the same data, for context: linear regression with PCK, and min-cost
 //! assignment.
 //!
 //! Neither says which keypoint follows which object over time, which is what the tracking error is
