@@ -463,7 +463,7 @@ export interface Evaluation {
 
 /**
  * Reads the JSON of an evaluation, of this schema or `tracklens/evaluation/1`. Throws when it is something else, not
- * complete, or of a newer schema, and says what to do. Of the part `figures`.
+ * complete, or of a newer schema, and says what to do. Of the part `comparison`.
  */
 export function parseEvaluation(bytes: Uint8Array, name: string): Evaluation;
 

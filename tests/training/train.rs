@@ -335,7 +335,7 @@ fn sequences_of_an_episode_stay_together() {
             &config,
             &dataset,
             &weights,
-            folder.path(),
+            &RunLock::take(folder.path()).expect("the folder"),
             options,
             &mut |_| {},
             &cancel,

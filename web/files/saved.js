@@ -21,7 +21,7 @@ export class SavedEvaluation {
 
   /** @param {import("./sources.js").Source} source */
   static async parse(source) {
-    await init(["figures"]);
+    await init(["comparison"]);
     const evaluation = parseEvaluation(await bytesOf(source), source.path);
     const { tc } = evaluation;
     if (tc !== null && !(tc >= 0 && tc <= 1)) {

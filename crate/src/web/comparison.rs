@@ -1,4 +1,5 @@
-//! Many runs in JavaScript: the tables and figures of `tracklens report`, without paths.
+//! What was saved, in JavaScript: an evaluation, and many runs with the tables and figures of
+//! `tracklens report`, without paths.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,6 +11,7 @@ use wasm_bindgen::prelude::*;
 use super::options::{from_js, thresholds};
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
+use crate::evaluation::EvaluationReport;
 use crate::report::draw::Figure;
 use crate::report::runs::{
     Grouping, Run, Runs, RunsReport, Unread, data_sets, errors_csv, runs_csv, runs_figures,
@@ -19,6 +21,15 @@ use crate::run::RunFiles;
 
 /// Draws of the runs for the intervals, as `tracklens report` makes them.
 const RESAMPLES: usize = 2000;
+
+/// Reads the JSON of an evaluation.
+///
+/// # Errors
+/// As [`EvaluationReport::parse`].
+#[wasm_bindgen(js_name = parseEvaluation)]
+pub fn parse_evaluation(bytes: &[u8], name: &str) -> JsResult<JsValue> {
+    to_js(&EvaluationReport::parse(bytes, name).map_err(|e| js_error(&e))?)
+}
 
 /// Runs that are to be compared: trainings, and detectors that were scored.
 #[wasm_bindgen]

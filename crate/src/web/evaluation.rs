@@ -1,4 +1,4 @@
-//! Evaluations in JavaScript: read, written and drawn.
+//! Evaluations in JavaScript: written and drawn.
 
 use wasm_bindgen::prelude::*;
 
@@ -11,15 +11,6 @@ use crate::report::evaluation::{capability, evaluation_csv, evaluation_page, mat
 fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
     serde_wasm_bindgen::from_value(evaluation)
         .map_err(|e| js_error(&Error::input(format!("the evaluation: {e}"))))
-}
-
-/// Reads the JSON of an evaluation.
-///
-/// # Errors
-/// As [`EvaluationReport::parse`].
-#[wasm_bindgen(js_name = parseEvaluation)]
-pub fn parse_evaluation(bytes: &[u8], name: &str) -> JsResult<JsValue> {
-    to_js(&EvaluationReport::parse(bytes, name).map_err(|e| js_error(&e))?)
 }
 
 /// An evaluation as one HTML file.
