@@ -185,7 +185,8 @@ pub fn build(workspace: &Workspace, build: Build, gpu: bool) -> Result<()> {
         };
         for (index, part) in parts().enumerate() {
             let compiled = match &together {
-                Some(together) if part.name != GPU.name => together.clone(),
+                Some(together) if index == 0 => together.clone(),
+                Some(_) if part.name != GPU.name => continue,
                 _ => {
                     eprintln!("Compiling part {} of {count}: {}", index + 1, part.name);
                     compile(workspace, &toolchain, part, &[])?
@@ -202,10 +203,13 @@ pub fn build(workspace: &Workspace, build: Build, gpu: bool) -> Result<()> {
                 .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         })
     })?;
-    if build == Build::Quick {
-        return Ok(());
-    }
     let package = workspace.package();
+    if build == Build::Quick {
+        let [first, others @ ..] = &PARTS;
+        return others
+            .iter()
+            .try_for_each(|part| alias(&package, first, part));
+    }
     for part in parts() {
         let size = |file: String| -> Result<[usize; 2]> {
             let content = read(&package.join(file))?;
@@ -287,6 +291,22 @@ fn finish(
     fs::create_dir_all(workspace.tools())
         .and_then(|()| fs::write(&stamp_file, stamp))
         .with_context(|| format!("cannot write {}", stamp_file.display()))
+}
+
+/// Makes a part the first one under another name. With bindings of its own for the same module it
+/// would export the same names again, which no browser takes.
+fn alias(package: &Path, first: &Part, part: &Part) -> Result<()> {
+    let put = |file: String, of: String| {
+        let content = format!("export {{ default }} from \"./{of}\";\n");
+        let file = package.join(file);
+        fs::write(&file, content).with_context(|| format!("cannot write {}", file.display()))
+    };
+    put(part.script(), first.script())?;
+    put(format!("{}.d.ts", part.name), first.script())?;
+    let wasm = package.join(part.wasm());
+    fs::copy(package.join(first.wasm()), &wasm)
+        .map(drop)
+        .with_context(|| format!("cannot write {}", wasm.display()))
 }
 
 /// The files of the built package that a browser loads: scripts and wasm, without Node's entry
