@@ -7,6 +7,7 @@ import { RunsComparison } from "./comparison/comparison.js";
 import { DeviceExtractor } from "./extraction/device-extractor.js";
 import { showDevices } from "./extraction/device-view.js";
 import { announce, byId } from "./ui/dom.js";
+import { listenToTabs } from "./ui/tabs.js";
 import { embed, embedder } from "./embed.js";
 import { fetchExample } from "./files/example.js";
 import { WorkerPool } from "./extraction/pool.js";
@@ -24,6 +25,7 @@ export function start() {
   const allowSoftware = new URLSearchParams(location.search).get("gpu") === "software";
   const devices = new DeviceExtractor(new WorkerPool(), allowSoftware);
   const session = new Session(devices, { remembers: origin === null });
+  listenToTabs(byId("tabs"));
   showFiles(session);
   showExtraction(session);
   showDevices(session, devices);
@@ -89,7 +91,7 @@ function takeFiles(session) {
 function showState(session) {
   const main = byId("main");
   const update = () => {
-    const taken = session.library.size > 0;
+    const taken = session.library.size + session.library.runs.size > 0;
     const before = main.dataset.state;
     let state = taken ? "waiting" : "empty";
     if (session.score.evaluation) state = "scored";

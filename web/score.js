@@ -47,8 +47,8 @@ const STEP_MS = 24;
 const TRANSFORMS = ["identity", "scale-translate", "affine"];
 const RANKS = ["reference", "centred"];
 const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
-/** Series of this many pairs of object and keypoint are kept. */
-const KEPT_SERIES = 8;
+/** Series of this many pairs of object and keypoint are kept: those of all objects on display. */
+const KEPT_SERIES = 32;
 
 export class Score extends EventTarget {
   /** @type {Scoring | null} */
@@ -370,7 +370,11 @@ export class Score extends EventTarget {
     if (!this.scoring || keypoint === null) return null;
     const key = `${object} ${keypoint}`;
     let series = this.#series.get(key);
-    if (!series) {
+    if (series) {
+      // The oldest is the one not asked for longest.
+      this.#series.delete(key);
+      this.#series.set(key, series);
+    } else {
       const options = this.#mapOptions();
       const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
       const distances = this.scoring.distances(object, keypoint, options);

@@ -6,6 +6,7 @@ import { save } from "../ui/download.js";
 import { baseName, count, duration, integer } from "../ui/format.js";
 import { toPng } from "../ui/png.js";
 import { scrollRegion } from "../ui/scroll-region.js";
+import { setAvailable } from "../ui/tabs.js";
 import { tableView } from "./tables.js";
 
 /**
@@ -27,7 +28,7 @@ export function showComparison(comparison) {
     const { dataSets, unread, unscored, pending, reading, error } = comparison;
     const runs = dataSets.reduce((sum, set) => sum + set.runs.length, 0) + unread.length;
     place.hidden = runs === 0 && unscored.length + pending.length < 2 && !reading && !error;
-    document.documentElement.dataset.runs = String(comparison.size > 0);
+    setAvailable(byId("view-compare"), !place.hidden);
     if (place.hidden) {
       fill(place);
       Object.assign(place.dataset, { runs: "0", complete: "0", groups: "0" });

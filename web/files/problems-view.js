@@ -3,6 +3,7 @@
 
 import { announce, byId, fill, notice } from "../ui/dom.js";
 import { baseName, count } from "../ui/format.js";
+import { reveal } from "../ui/tabs.js";
 
 /** @typedef {import("../session.js").Session} Session */
 
@@ -72,7 +73,7 @@ function problemsOf(session) {
             key: "broken",
             kind: /** @type {const} */ ("error"),
             text: `${count(left, "more file")} cannot be used; the list of files says why.`,
-            action: { label: "Show the files", run: () => byId("files-title").focus() },
+            action: { label: "Show the files", run: () => showFile("") },
           },
         ]
       : []),
@@ -86,6 +87,7 @@ function problemsOf(session) {
 function showFile(path) {
   const files = /** @type {HTMLElement[]} */ ([...byId("files").children]);
   const item = files.find(({ dataset }) => dataset.path === path) ?? byId("files-title");
+  reveal(item);
   item.tabIndex = -1;
   item.scrollIntoView({ block: "center" });
   // What is missing can be entered at once.

@@ -50,7 +50,7 @@ function showReading(session) {
 function showMissing(session) {
   const place = byId("missing");
   const needs = session.needs;
-  place.hidden = needs.every(({ met }) => met);
+  place.hidden = session.library.size === 0 || needs.every(({ met }) => met);
   if (place.hidden) return;
   fill(
     place,

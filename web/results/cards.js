@@ -1,8 +1,9 @@
 // @ts-check
 /** One object: tracked or not, by how much, by which keypoint, under which map, in which frames. */
 
-import { byId, fill, h, icon } from "../ui/dom.js";
+import { fill, h, icon } from "../ui/dom.js";
 import { integer, significant } from "../ui/format.js";
+import { objectColor } from "../ui/palette.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -10,75 +11,50 @@ import { integer, significant } from "../ui/format.js";
  */
 
 /** The gauge of a card is logarithmic between these errors. */
-const GAUGE = { from: 1e-4, to: 1 };
+const GAUGE = {
+  from: 1e-4,
+  to: 1,
+  title: "The error from 0.0001 to 1, with the threshold and the second best keypoint",
+};
 
 /**
  * @param {Session} session
  * @param {number} object
  */
 export function card(session, object) {
-  const name = session.score.evaluation?.objects[object].name ?? "";
+  const { score } = session;
+  const name = score.evaluation?.objects[object].name ?? "";
   const verdict = h("p", { class: "verdict" });
-  const error = h("span", { class: "error-value" });
-  const errorLabel = h("span", { class: "error-label" });
+  const numbers = numbersView(session, object);
   const interval = h("p", { class: "error-interval" });
   const gauge = gaugeView();
   const facts = h("dl");
   const map = h("div", { class: "map" });
   const mapDetails = h("details", { class: "map-details" }, h("summary", {}, "Fitted map"), map);
-  const threshold = session.score.scoring ? thresholdField(session, name) : null;
-  const show = h(
-    "button",
-    {
-      type: "button",
-      class: "button",
-      onclick: () => {
-        session.score.select({ object });
-        byId("viewer").scrollIntoView({ block: "nearest" });
-      },
-    },
-    "Show in frames",
-    h("span", { class: "visually-hidden" }, `: ${name}`),
-  );
+  const threshold = score.scoring ? thresholdField(session, name) : null;
+  const title = titleView(session, object, name);
+  const more = h("summary", {}, "Details", h("span", { class: "visually-hidden" }, ` of ${name}`));
   const element = h(
     "li",
-    { class: "card panel", data: { object: name } },
-    h("div", { class: "card-head" }, h("h3", {}, name), verdict),
-    h("div", {}, h("p", { class: "error" }, error, errorLabel), interval),
+    { class: "card", data: { object: name } },
+    h("div", { class: "card-row" }, title, verdict, ...numbers.elements, threshold?.element),
     gauge.element,
-    threshold?.element,
-    facts,
-    mapDetails,
-    session.score.scoring && show,
+    h("details", { class: "card-more" }, more, interval, facts, mapDetails),
   );
 
   const update = () => {
-    const { evaluation } = session.score;
+    const { evaluation } = score;
     const result = evaluation?.objects[object];
     if (!evaluation || !result) return;
-    const heldOut = session.score.shownHeldOut?.objects[object];
+    const heldOut = score.shownHeldOut?.objects[object];
     const shown = heldOut ?? result;
-    Object.assign(element.dataset, {
-      tracked: String(result.tracked),
-      error: String(result.error),
-      threshold: String(result.threshold),
-      keypoint: String(result.best_keypoint),
-      rmse: String(result.rmse),
-      frames: String(result.frames),
-      outside: String(result.outside),
+    const isSelected = score.scoring !== null && score.selection.object === object;
+    Object.assign(element.dataset, dataOf(result), {
       heldOut: String(heldOut?.error ?? ""),
-      selected: String(session.score.scoring !== null && session.score.selection.object === object),
+      selected: String(isSelected),
     });
-    const seen = shown.error !== null;
-    verdict.dataset.tracked = seen ? String(shown.tracked) : "none";
-    const [symbol, text] = !seen
-      ? ["icon-none", result.error === null ? "Never visible" : "Not scored"]
-      : shown.tracked
-        ? ["icon-check", "Tracked"]
-        : ["icon-cross", "Not tracked"];
-    fill(verdict, icon(symbol), text);
-    error.textContent = significant(shown.error);
-    errorLabel.textContent = heldOut ? "error on held-out sequences" : "tracking error e";
+    showVerdict(verdict, shown, result);
+    numbers.update();
     const known = intervalOf(session, object);
     interval.hidden = !known || heldOut !== undefined;
     interval.textContent = known ? `95 % interval ${known}` : "";
@@ -86,10 +62,92 @@ export function card(session, object) {
     fill(facts, ...factsOf(session, object, result));
     mapDetails.hidden = !result.map || evaluation.transform === "identity";
     fill(map, ...(result.map ? equations(result.map) : []));
-    show.setAttribute("aria-pressed", String(session.score.selection.object === object));
+    title.querySelector("button")?.setAttribute("aria-pressed", String(isSelected));
     threshold?.update(result.threshold);
   };
   return { element, update };
+}
+
+/** @param {ObjectEvaluation} result */
+function dataOf(result) {
+  return {
+    tracked: String(result.tracked),
+    error: String(result.error),
+    threshold: String(result.threshold),
+    keypoint: String(result.best_keypoint),
+    rmse: String(result.rmse),
+    frames: String(result.frames),
+    outside: String(result.outside),
+  };
+}
+
+/**
+ * The name of the object, which shows it in the frames and plots.
+ * @param {Session} session
+ * @param {number} object
+ * @param {string} name
+ */
+function titleView(session, object, name) {
+  const swatch = h("span", { class: "object-swatch", "aria-hidden": "true" });
+  swatch.style.background = objectColor(object);
+  if (!session.score.scoring) return h("h3", { class: "card-name" }, name);
+  const show = h(
+    "button",
+    {
+      type: "button",
+      class: "card-show",
+      title: "Show in the plots",
+      onclick: () => session.score.select({ object }),
+    },
+    name,
+  );
+  return h("h3", { class: "card-name" }, swatch, show);
+}
+
+/**
+ * @param {HTMLElement} verdict
+ * @param {{ error: number | null, tracked: boolean }} shown
+ * @param {ObjectEvaluation} result
+ */
+function showVerdict(verdict, shown, result) {
+  const isSeen = shown.error !== null;
+  verdict.dataset.tracked = isSeen ? String(shown.tracked) : "none";
+  const [symbol, text] = !isSeen
+    ? ["icon-none", result.error === null ? "Never visible" : "Not scored"]
+    : shown.tracked
+      ? ["icon-check", "Tracked"]
+      : ["icon-cross", "Not tracked"];
+  fill(verdict, icon(symbol), text);
+}
+
+/**
+ * The errors of an object, fitted and held out, and its best keypoint.
+ * @param {Session} session
+ * @param {number} object
+ */
+function numbersView({ score }, object) {
+  const number = (/** @type {string} */ className) => {
+    const value = h("span", { class: className });
+    const label = h("span", { class: "error-label" });
+    return { value, label, element: h("p", { class: "error" }, value, label) };
+  };
+  const [first, second, third] = ["error-value", "error-beside", "error-keypoint"].map(number);
+  const update = () => {
+    const result = score.evaluation?.objects[object];
+    if (!result) return;
+    const beside = score.evaluation?.held_out?.objects[object];
+    const shown = score.shownHeldOut?.objects[object];
+    const labels = ["tracking error e", "held out"];
+    first.value.textContent = significant((shown ?? result).error);
+    first.label.textContent = labels[shown ? 1 : 0];
+    second.element.hidden = !beside;
+    second.value.textContent = significant((shown ? result : beside)?.error);
+    second.label.textContent = labels[shown ? 0 : 1];
+    const { best_keypoint: best, rmse_px: pixels } = result;
+    third.value.textContent = best === null ? "–" : `no. ${best}`;
+    third.label.textContent = pixels ? `keypoint, ${significant(pixels)} px` : "keypoint";
+  };
+  return { elements: [first, second, third].map(({ element }) => element), update };
 }
 
 /**
@@ -271,18 +329,7 @@ function gaugeView() {
     const share = Math.log(error / GAUGE.from) / Math.log(GAUGE.to / GAUGE.from);
     return 100 * Math.min(1, Math.max(0, share));
   };
-  const element = h(
-    "div",
-    { class: "gauge-frame", "aria-hidden": "true" },
-    root,
-    h(
-      "div",
-      { class: "gauge-scale" },
-      h("span", {}, "0.0001"),
-      h("span", {}, "0.01"),
-      h("span", {}, "1"),
-    ),
-  );
+  const element = h("div", { class: "gauge-frame", "aria-hidden": "true", title: GAUGE.title }, root);
   /**
    * @param {number | null} error
    * @param {number} threshold

@@ -67,8 +67,9 @@ export function figureView({ id, label, draw, drawn }) {
       );
       return;
     }
-    if (scroll.clientWidth === 0) return;
+    // In a tab that is not shown there is nothing to draw on; what is drawn there is of before.
     width = scroll.clientWidth;
+    if (width === 0) return;
     current = draw(schemeTheme(width), width);
     element.hidden = current === null;
     if (!current) return;

@@ -5,7 +5,7 @@
  */
 
 import { matrixFigure } from "../pkg/index.js";
-import { fill, h } from "../ui/dom.js";
+import { byId, fill, h } from "../ui/dom.js";
 import { significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
 
@@ -190,6 +190,7 @@ class Grid {
     // Of a saved evaluation there is nothing else to show with another keypoint.
     if (best === null || best === undefined || !score.scoring) return;
     score.choose(object, keypoint === best ? null : keypoint);
+    byId("stage").scrollIntoView({ block: "nearest" });
   }
 }
 

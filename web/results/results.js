@@ -1,6 +1,7 @@
 // @ts-check
 /**
- * The results: tracking capability, a card per object, the figures, other metrics, and the export.
+ * The results: tracking capability and the objects; in tabs the figures, other metrics, and the
+ * export.
  */
 
 import { announce, byId, fill, h } from "../ui/dom.js";
@@ -10,12 +11,23 @@ import { contextView } from "./context.js";
 import { exportView } from "./export.js";
 import { matrixView } from "./matrix.js";
 import { sequencesView } from "./sequences.js";
+import { setAvailable } from "../ui/tabs.js";
 import { summaryView, tally, tcText } from "./summary.js";
+import { trajectoriesView } from "../viewer/trajectories.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
  * @typedef {{ element: HTMLElement, update: () => void }} View
  */
+
+/** The panels of the tabs that are filled here. */
+const TABS = [
+  "view-matrix",
+  "view-trajectories",
+  "view-sequences",
+  "view-thresholds",
+  "view-export",
+];
 
 /** @param {Session} session */
 export function showResults(session) {
@@ -28,6 +40,8 @@ export function showResults(session) {
   let matrix = null;
   /** @type {View | null} */
   let sequences = null;
+  /** @type {View | null} */
+  let trajectories = null;
   /** What the cards and the sequences were last shown for. */
   let shown = "";
 
@@ -37,6 +51,7 @@ export function showResults(session) {
     if (!session.score.evaluation) {
       place.hidden = true;
       fill(place);
+      fillTabs(TABS.map(() => []));
       delete place.dataset.tc;
       if (wasShown) announce("There is no score any more.");
       return;
@@ -46,18 +61,20 @@ export function showResults(session) {
     matrix = matrixView(session);
     const capability = capabilityView(session);
     sequences = sequencesView(session);
+    trajectories = session.score.scoring ? trajectoriesView(session) : null;
     const context = contextView(session);
     const taking = exportView(session);
-    views = [summary, ...cards, matrix, capability, sequences, context, taking];
-    fill(
-      place,
-      ...summary.elements,
-      h("ul", { class: "cards" }, ...cards.map(({ element }) => element)),
-      matrix.element,
-      h("div", { class: "figure-pair" }, sequences.element, capability.element),
-      context.element,
-      taking.element,
-    );
+    const tabs = [matrix, trajectories, capability, sequences, context, taking];
+    views = [summary, ...cards, ...tabs.filter((view) => view !== null)];
+    const list = h("ul", { class: "cards" }, ...cards.map(({ element }) => element));
+    fill(place, summary.element, h("div", { class: "objects panel" }, list, summary.warnings));
+    fillTabs([
+      [matrix.element],
+      trajectories ? [trajectories.element] : [],
+      [sequences.element],
+      [capability.element, context.element],
+      [taking.element],
+    ]);
     update();
     const { tc, objects } = session.score.evaluation;
     announce(`Tracking capability ${tcText(tc)}: ${tally(objects)}.`);
@@ -86,10 +103,19 @@ export function showResults(session) {
     shown = display(session);
     for (const view of cards) view.update();
     sequences?.update();
+    trajectories?.update();
   });
   session.score.addEventListener("choice", () => {
     if (views.length > 0) matrix?.update();
   });
+}
+
+/** @param {HTMLElement[][]} elements of the tabs; one without any is not there */
+function fillTabs(elements) {
+  for (const [i, id] of TABS.entries()) {
+    fill(byId(id), ...elements[i]);
+    setAvailable(byId(id), elements[i].length > 0);
+  }
 }
 
 /**

@@ -185,5 +185,5 @@ function item(session, text, position, error, title) {
  */
 function show(session, frame) {
   session.score.select({ frame });
-  byId("viewer").scrollIntoView({ block: "nearest" });
+  byId("stage").scrollIntoView({ block: "nearest" });
 }

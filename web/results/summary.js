@@ -24,6 +24,12 @@ const RANKS = [
 
 const FOLDS = [2, 3, 5, 10];
 
+const FITTED = "Fitted on the same frames";
+
+const WHAT =
+  "TC is the share of objects that some keypoint tracks: the same keypoint in every frame follows " +
+  "the object, under one map, with an error e of at most the object’s threshold μ.";
+
 /** @param {number | null} tc `null`: the data cannot tell tracking from chance */
 export function tcText(tc) {
   return tc === null ? "unknown" : fixed(tc);
@@ -39,69 +45,83 @@ export function tally(objects) {
 
 /** @param {Session} session */
 export function summaryView(session) {
-  const value = h("p", { class: "tc-value" });
-  const share = h("p", { class: "tc-share" });
-  const interval = h("p", { class: "tc-share", id: "tc-interval" });
+  const numbers = numbersView(session);
   const protocol = h("p", { class: "protocol" });
   const warnings = h("div", { class: "warnings" });
-
   const update = () => {
-    const { evaluation, intervals } = session.score;
+    const { evaluation } = session.score;
     if (!evaluation) return;
-    const heldOut = session.score.shownHeldOut;
-    const tc = heldOut?.tc ?? evaluation.tc;
-    value.textContent = tcText(tc);
-    value.dataset.tc = String(tc);
-    share.textContent = tally(heldOut?.objects ?? evaluation.objects);
-    const known = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
-    // The resamples are fitted and scored on the same frames, so their intervals are not those of
-    // held-out errors.
-    if (heldOut) {
-      const fitted = `Fitted on the same frames: ${tcText(evaluation.tc)}`;
-      interval.textContent = fitted + (known ? `, 95 % interval ${known}` : "");
-    } else {
-      const { held_out: beside } = evaluation;
-      const drawing = session.score.resampling.intervals && "Drawing the 95 % interval …";
-      interval.textContent = [
-        known ? `95 % interval ${known}` : drawing,
-        beside && `On held-out sequences (${beside.folds} folds): ${fixed(beside.tc)}`,
-      ]
-        .filter(Boolean)
-        .join(". ");
-    }
+    numbers.update();
     protocol.textContent = describeProtocol(session, evaluation);
     fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
   };
-
-  const switches = session.score.scoring
-    ? [
-        transformSwitch(session),
-        protocolSelect(session),
-        rankSelect(session),
-        intervalsBox(session),
-      ]
-    : [];
+  const { scoring } = session.score;
   const element = h(
     "div",
     { class: "panel score" },
+    h("div", { class: "tc" }, ...numbers.elements),
+    scoring && h("div", { class: "settings" }, transformSwitch(session), protocolSelect(session)),
     h(
       "div",
-      { class: "tc" },
-      h("h2", { id: "results-title" }, "Tracking capability"),
-      value,
-      share,
-      interval,
+      { class: "score-more" },
+      h(
+        "details",
+        { class: "what" },
+        h("summary", {}, "What is this?"),
+        h("p", { class: "protocol" }, WHAT),
+        protocol,
+      ),
+      scoring &&
+        h(
+          "details",
+          { class: "advanced" },
+          h("summary", {}, "Advanced"),
+          h("div", { class: "settings" }, rankSelect(session), intervalsBox(session)),
+        ),
     ),
-    switches.length > 0 && h("div", { class: "settings" }, ...switches),
-    protocol,
-  );
-  const elements = [
-    element,
     savedNotice(session),
     session.origin?.note && notice("info", session.origin.note, { class: "origin" }),
-    warnings,
-  ];
-  return { element, elements, update };
+  );
+  return { element, warnings, update };
+}
+
+/**
+ * TC on the frames that the maps are fitted on beside that on held-out sequences.
+ * @param {Session} session
+ */
+function numbersView({ score }) {
+  const spans = (/** @type {string[]} */ ...names) => names.map((name) => h("span", { class: name }));
+  const [firstLabel, value] = spans("tc-label", "tc-value");
+  const [label, colon, beside, known] = spans("tc-label", "visually-hidden", "tc-beside", "tc-known");
+  const share = h("p", { class: "tc-share" });
+  const first = h("p", { class: "tc-number" }, firstLabel, value);
+  const second = h("p", { class: "tc-number", id: "tc-interval" }, label, colon, beside, known);
+
+  const update = () => {
+    const { evaluation, intervals } = score;
+    if (!evaluation) return;
+    const shown = score.shownHeldOut;
+    const tc = shown?.tc ?? evaluation.tc;
+    const heldOut = evaluation.held_out;
+    const labels = [FITTED, `On held-out sequences (${heldOut?.folds} folds)`];
+    value.textContent = tcText(tc);
+    value.dataset.tc = String(tc);
+    firstLabel.textContent = shown ? labels[1] : FITTED;
+    for (const each of [label, colon, beside]) each.hidden = !heldOut;
+    label.textContent = heldOut ? labels[shown ? 0 : 1] : "";
+    colon.textContent = heldOut ? ": " : "";
+    beside.textContent = heldOut ? tcText(shown ? evaluation.tc : heldOut.tc) : "";
+    share.textContent = tally(shown?.objects ?? evaluation.objects);
+    const ends = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
+    const drawing = score.resampling.intervals && !ends ? "Drawing the 95 % interval …" : "";
+    // The resamples are fitted and scored on the same frames, so their intervals are not those of
+    // held-out errors.
+    const which = shown || !heldOut ? "" : " of the fitted one";
+    fill(known, ends ? `${shown ? ", " : ""}95 % interval${which} ${ends}` : drawing);
+    second.hidden = second.textContent === "";
+  };
+  const title = h("h2", { id: "results-title" }, "Tracking capability");
+  return { elements: [title, h("div", { class: "tc-numbers" }, first, second), share], update };
 }
 
 /**

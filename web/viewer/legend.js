@@ -48,8 +48,9 @@ export function legend(session, look, onChange) {
    * Names the layers after what is on display.
    * @param {string} object
    * @param {number | null} keypoint
+   * @param {string} color of the object
    */
-  const update = (object, keypoint) => {
+  const update = (object, keypoint, color) => {
     /** @type {[Layer, string][]} */
     const names = [
       ["truth", `${object}, ground truth`],
@@ -61,7 +62,9 @@ export function legend(session, look, onChange) {
     ];
     for (const [layer, name] of names) {
       const view = layers.get(layer);
-      if (view) view.text.textContent = name;
+      if (!view) continue;
+      view.text.textContent = name;
+      view.button.style.setProperty("--mark", color);
     }
     /** @type {[Layer, boolean][]} */
     const offers = [

@@ -16,6 +16,8 @@ export class Player {
   #isPlaying = false;
   /** When the next frame is due. */
   #due = 0;
+  /** The frame that this player went to last. */
+  #own = -1;
 
   /**
    * @param {Session} session
@@ -41,21 +43,28 @@ export class Player {
   }
 
   /** @param {number} to in the sequence on display */
-  goTo(to) {
+  #goTo(to) {
     const range = this.sequence;
     if (!range) return;
     const next = Math.min(Math.max(to, 0), range.length - 1);
-    this.#score.select({ frame: range.start + next });
+    this.#select(range.start + next);
+  }
+
+  /** @param {number} frame */
+  #select(frame) {
+    this.#own = frame;
+    this.#score.select({ frame });
   }
 
   /**
-   * Goes to a frame that the user asks for. Those that come next if the movement goes on are
-   * decoded meanwhile.
+   * Goes to a frame that the user asks for and stays there. Those that come next if the movement
+   * goes on are decoded meanwhile.
    * @param {number} to in the sequence on display
    */
   moveTo(to) {
+    this.play(false);
     const before = this.index;
-    this.goTo(to);
+    this.#goTo(to);
     const range = this.sequence;
     const step = this.index - before;
     // After a jump nobody knows where the next one leads.
@@ -77,7 +86,20 @@ export class Player {
     const range = this.sequence;
     const at = range ? sequences.indexOf(range) : 0;
     const next = sequences[Math.min(Math.max(at + by, 0), sequences.length - 1)];
-    if (next && next !== range) this.#score.select({ frame: next.start });
+    if (next && next !== range) this.show(next);
+  }
+
+  /**
+   * Goes to a sequence, and goes on playing there.
+   * @param {import("../pkg/index.js").SequenceRange} sequence
+   */
+  show({ start }) {
+    this.#select(start);
+  }
+
+  /** Something else may have moved: the player stops where that leads to. */
+  follow() {
+    if (this.#isPlaying && this.#score.selection.frame !== this.#own) this.play(false);
   }
 
   toggle() {
@@ -86,17 +108,23 @@ export class Player {
 
   /** @param {boolean} isWanted */
   play(isWanted) {
+    const wasPlaying = this.#isPlaying;
     this.#isPlaying = isWanted && this.#score.scoring !== null;
-    this.#onPlaying(this.#isPlaying);
-    if (!this.#isPlaying) return;
+    if (this.#isPlaying !== wasPlaying) this.#onPlaying(this.#isPlaying);
+    if (!this.#isPlaying || wasPlaying) return;
+    this.#own = this.#score.selection.frame;
     this.#due = performance.now();
     requestAnimationFrame(this.#tick);
   }
 
   /** @param {number} now */
   #tick = (now) => {
+    if (!this.#isPlaying) return;
     const range = this.sequence;
-    if (!this.#isPlaying || !range) return;
+    if (!range) {
+      this.play(false);
+      return;
+    }
     if (now >= this.#due) this.#advance(range, now);
     requestAnimationFrame(this.#tick);
   };
@@ -113,7 +141,7 @@ export class Player {
     const missed = 1 + Math.floor((now - this.#due) / interval);
     const steps = Math.min(missed, Math.max(1, Math.ceil(speed / 10)));
     this.#due = Math.max(this.#due + steps * interval, now);
-    this.goTo((this.index + steps) % length);
+    this.#goTo((this.index + steps) % length);
     for (let ahead = 1; ahead <= Math.min(AHEAD, length - 1); ahead++) {
       this.#prepare(start + ((this.index + ahead * steps) % length));
     }
@@ -128,8 +156,8 @@ export class Player {
     if (key === " ") this.toggle();
     else if (key === "ArrowRight") this.step(step);
     else if (key === "ArrowLeft") this.step(-step);
-    else if (key === "Home") this.goTo(0);
-    else if (key === "End") this.goTo(Infinity);
+    else if (key === "Home") this.moveTo(0);
+    else if (key === "End") this.moveTo(Infinity);
     else if (key === "PageUp") this.goToSequence(-1);
     else if (key === "PageDown") this.goToSequence(1);
     else return false;

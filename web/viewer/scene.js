@@ -8,14 +8,17 @@
  * @property {ImageBitmap | null} image
  * @property {string} caption said where the image is missing
  * @property {import("./view.js").View} view
- * @property {import("../pkg/index.js").Series | null} series in ndc, over all joined frames
+ * @property {Track[]} tracks the last one lies over the others
  * @property {number} start first frame of the trails
  * @property {number} frame the one on display
  * @property {Set<Layer>} layers those to draw
  * @property {Float64Array} keypoints all of the frame in ndc, N x 2
- * @property {number | null} keypoint the selected one
  * @property {number | null} hovered the one under the pointer
  * @property {Heat | null} heat
+ *
+ * An object with its keypoint: series in ndc, over all joined frames.
+ * @typedef {{ series: import("../pkg/index.js").Series, keypoint: number | null, color: string,
+ * isSelected: boolean }} Track
  *
  * A heat map with the area of the image it covers, as shares of the image.
  * @typedef {{ image: CanvasImageSource, left: number, top: number, width: number, height: number }}
@@ -26,18 +29,24 @@
 /** @typedef {Mark | "keypoints" | "trails" | "heat" | "image"} Layer */
 /** @typedef {{ x: number, y: number }} Point */
 
-/**
- * Marks lie on images, so they are the same under light and dark schemes.
- * @type {Record<Mark, string>}
- */
-const COLORS = { truth: "#ffffff", keypoint: "#ff4b45", transformed: "#45a1ff" };
+/** In the order in which they are drawn. @type {Mark[]} */
+const MARKS = ["keypoint", "truth", "transformed"];
+/** The trail of a mark: dashes and gaps in CSS pixels, and its share of opacity. */
+const TRAILS = {
+  truth: { dashes: [], alpha: 1 },
+  keypoint: { dashes: [1, 5], alpha: 0.75 },
+  transformed: { dashes: [6, 4], alpha: 1 },
+};
+const BRIGHT = "#ffffff";
 const DIM = "rgb(236 240 244 / 80%)";
 const OUTLINE = "rgb(8 10 12 / 75%)";
 const PLATE = "#22272d";
 const PLATE_LINES = "#3a4149";
 
 /** In CSS pixels. */
-const SIZE = { mark: 7, dot: 2.5, trail: 1.75, outline: 1.5, edge: 9, label: 12 };
+const SIZE = { mark: 7, line: 2, dot: 2.5, trail: 1.75, outline: 1.5, edge: 9, label: 12 };
+/** What belongs to the selected object is larger. */
+const SELECTED = 1.3;
 /** From this many canvas pixels a pixel of the image on, its pixels are shown as they are. */
 const PIXELATED = 6;
 
@@ -60,37 +69,58 @@ export function placing({ width, height }, view) {
  * @param {Scene} scene
  */
 export function paint(context, scale, scene) {
-  const { series, start, frame, layers } = scene;
   const place = placing(context.canvas, scene.view);
   context.setTransform(1, 0, 0, 1, 0, 0);
   paintImage(context, scale, scene, place);
   context.lineCap = "round";
   context.lineJoin = "round";
-  if (layers.has("keypoints")) paintKeypoints(context, scale, scene, place);
-  if (!series) return;
-  /** @type {[Mark, Float64Array][]} */
-  const all = [
-    ["keypoint", series.keypoint],
-    ["truth", series.truth],
-    ["transformed", series.transformed],
-  ];
-  const shown = all.filter(([mark]) => layers.has(mark));
+  if (scene.layers.has("keypoints")) paintKeypoints(context, scale, scene, place);
+  const marks = MARKS.filter((mark) => scene.layers.has(mark));
   const at = (/** @type {Float64Array} */ points, /** @type {number} */ t) =>
     place(points[2 * t], points[2 * t + 1]);
-  for (const [mark, points] of layers.has("trails") ? shown : []) {
-    const trail = [];
-    for (let t = start; t <= frame; t++) trail.push(at(points, t));
-    paintTrail(context, scale, trail, COLORS[mark]);
+  if (scene.layers.has("trails")) {
+    for (const track of scene.tracks) paintTrails(context, scale, scene, track, marks, at);
   }
-  const { width, height } = context.canvas;
-  for (const [mark, points] of shown) {
-    const point = at(points, frame);
-    if (Number.isNaN(point.x) || Number.isNaN(point.y)) continue;
-    const inside = point.x >= 0 && point.x <= width && point.y >= 0 && point.y <= height;
-    if (inside) paintMark(context, scale, point, mark);
-    else paintEdge(context, scale, point, COLORS[mark]);
+  for (const { series, color, isSelected } of scene.tracks) {
+    const size = isSelected ? SELECTED : 1;
+    for (const mark of marks) {
+      const point = at(series[mark], scene.frame);
+      if (Number.isNaN(point.x) || Number.isNaN(point.y)) continue;
+      if (isInside(context.canvas, point)) paintMark(context, scale * size, point, mark, color);
+      else paintEdge(context, scale, point, color);
+    }
   }
   if (scene.hovered !== null) paintNumber(context, scale, scene, place);
+}
+
+/**
+ * @param {{ width: number, height: number }} canvas
+ * @param {Point} point
+ */
+function isInside({ width, height }, { x, y }) {
+  return x >= 0 && x <= width && y >= 0 && y <= height;
+}
+
+/**
+ * The trails of an object and its keypoint.
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} scale
+ * @param {Scene} scene
+ * @param {Track} track
+ * @param {Mark[]} marks
+ * @param {(points: Float64Array, t: number) => Point} at
+ */
+function paintTrails(context, scale, { start, frame }, { series, color }, marks, at) {
+  for (const mark of marks) {
+    const trail = [];
+    for (let t = start; t <= frame; t++) trail.push(at(series[mark], t));
+    const { dashes, alpha } = TRAILS[mark];
+    context.globalAlpha = alpha;
+    context.setLineDash(dashes.map((length) => length * scale));
+    paintTrail(context, scale, trail, color);
+  }
+  context.globalAlpha = 1;
+  context.setLineDash([]);
 }
 
 /**
@@ -128,9 +158,10 @@ function paintImage(context, scale, { image, caption, view, heat, layers }, plac
  * @param {Scene} scene
  * @param {ReturnType<typeof placing>} place
  */
-function paintKeypoints(context, scale, { keypoints, keypoint, hovered }, place) {
+function paintKeypoints(context, scale, { keypoints, tracks, hovered }, place) {
+  const marked = new Set(tracks.map(({ keypoint }) => keypoint));
   for (let n = 0; 2 * n < keypoints.length; n++) {
-    if (n === keypoint) continue;
+    if (marked.has(n)) continue;
     const { x, y } = place(keypoints[2 * n], keypoints[2 * n + 1]);
     context.beginPath();
     context.arc(x, y, SIZE.dot * scale * (n === hovered ? 1.6 : 1), 0, 2 * Math.PI);
@@ -138,7 +169,7 @@ function paintKeypoints(context, scale, { keypoints, keypoint, hovered }, place)
     context.lineWidth = 2 * SIZE.outline * scale;
     context.strokeStyle = OUTLINE;
     context.stroke();
-    context.fillStyle = n === hovered ? COLORS.truth : DIM;
+    context.fillStyle = n === hovered ? BRIGHT : DIM;
     context.fill();
   }
 }
@@ -225,8 +256,9 @@ function paintTrail(context, scale, trail, color) {
  * @param {number} scale
  * @param {Point} at
  * @param {Mark} mark
+ * @param {string} color
  */
-function paintMark(context, scale, { x, y }, mark) {
+function paintMark(context, scale, { x, y }, mark, color) {
   const r = SIZE.mark * scale;
   context.beginPath();
   if (mark === "truth") context.arc(x, y, r, 0, 2 * Math.PI);
@@ -244,9 +276,9 @@ function paintMark(context, scale, { x, y }, mark) {
     context.lineTo(x - d, y);
     context.closePath();
   }
-  stroke(context, scale, COLORS[mark], 2.25);
+  stroke(context, scale, color, SIZE.line);
   if (mark === "transformed") {
-    context.fillStyle = COLORS[mark];
+    context.fillStyle = color;
     context.fill();
   }
 }

@@ -15,8 +15,11 @@ const BEYOND = 6;
 /** Bars are logarithmic between these errors, as the gauges of the cards. */
 const SCALE = { from: 1e-4, to: 1 };
 
-/** @param {Session} session */
-export function sequenceList(session) {
+/**
+ * @param {Session} session
+ * @param {(sequence: import("../pkg/index.js").SequenceRange) => void} onPick
+ */
+export function sequenceList(session, onPick) {
   /** Sequences in the order of the list. @type {number[]} */
   let order = [];
   let worstFirst = false;
@@ -76,8 +79,8 @@ export function sequenceList(session) {
   };
   const current = () => order.indexOf(shown());
   const pick = (/** @type {number} */ sequence) => {
-    if (session.score.sequences[sequence])
-      session.score.select({ frame: session.score.sequences[sequence].start });
+    const range = session.score.sequences[sequence];
+    if (range) onPick(range);
   };
 
   /** Height of a row in CSS pixels: text may be zoomed. */

@@ -3,6 +3,7 @@
 
 import { h } from "../ui/dom.js";
 import { baseName, fixed } from "../ui/format.js";
+import { objectColor } from "../ui/palette.js";
 import { ImageCache } from "../files/image-cache.js";
 import { gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
@@ -16,6 +17,8 @@ import { WHOLE } from "./view.js";
  * @typedef {{ layers: Set<Layer>, trail: number }} Look `trail`: how many frames back
  */
 
+/** Objects that are drawn at a time. */
+const MOST_TRACKS = 24;
 /** A keypoint is under the pointer from this far on, in CSS pixels. */
 const REACH = 12;
 
@@ -131,7 +134,7 @@ export class Stage {
   #fit(size) {
     const canvas = this.#canvas;
     canvas.style.aspectRatio = `${size.width} / ${size.height}`;
-    canvas.style.maxWidth = `calc(75vh * ${size.width / size.height})`;
+    canvas.style.maxWidth = `calc(var(--stage-height) * ${size.width / size.height})`;
     const scale = window.devicePixelRatio;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
       Math.round(side * scale),
@@ -153,7 +156,6 @@ export class Stage {
   #paint(context, frame, image, source) {
     const { score } = this.#session;
     const { layers, trail } = this.#look;
-    const { object } = score.selection;
     const missing = source
       ? `${baseName(source.path)} cannot be shown by this browser`
       : "no image of this frame";
@@ -163,12 +165,11 @@ export class Stage {
       image,
       caption: image || !score.hasPictures ? "" : missing,
       view: this.#view,
-      series: score.series(object),
+      tracks: tracksOf(this.#session),
       start: Math.max(start, frame - trail),
       frame,
       layers,
       keypoints: this.#keypointsOf(frame),
-      keypoint: score.keypointOf(object),
       hovered: this.#hovered,
       heat,
     });
@@ -230,6 +231,23 @@ export class Stage {
     this.#canvas.dataset.hovered = next === null ? "" : String(next);
     this.draw();
   }
+}
+
+/**
+ * The objects with their keypoints, the selected one over the others. Of very many only those that
+ * can be told apart are drawn.
+ * @param {Session} session
+ * @returns {import("./scene.js").Track[]}
+ */
+function tracksOf({ score }) {
+  const { object: selected } = score.selection;
+  const others = [...score.objects.keys()].filter((object) => object !== selected);
+  return [...others.slice(0, MOST_TRACKS - 1), selected].flatMap((object) => {
+    const series = score.series(object);
+    if (!series) return [];
+    const color = objectColor(object);
+    return [{ series, keypoint: score.keypointOf(object), color, isSelected: object === selected }];
+  });
 }
 
 /** @param {Session} session */

@@ -23,11 +23,12 @@ export function transport(session, prepare, look, onSpeed) {
     class: "button round",
     onclick: () => player.toggle(),
   });
-  const player = new Player(session, prepare, look, (isPlaying) => {
+  const label = (/** @type {boolean} */ isPlaying) => {
     fill(play, icon(isPlaying ? "icon-pause" : "icon-play"));
     play.setAttribute("aria-label", isPlaying ? "Pause" : "Play");
     play.title = isPlaying ? "Pause (space)" : "Play (space)";
-  });
+  };
+  const player = new Player(session, prepare, look, label);
   const scrubber = h("input", {
     id: "scrubber",
     type: "range",
@@ -49,9 +50,10 @@ export function transport(session, prepare, look, onSpeed) {
     scrubber,
     position,
   );
-  player.play(false);
+  label(false);
 
   const update = () => {
+    player.follow();
     const range = player.sequence;
     if (!range) return;
     const number = session.score.frameNumbers[session.score.selection.frame];
@@ -62,9 +64,7 @@ export function transport(session, prepare, look, onSpeed) {
     const text = `frame ${number}, ${player.index + 1} of ${range.length}`;
     scrubber.setAttribute("aria-valuetext", text);
   };
-  const key = (/** @type {KeyboardEvent} */ event) => player.key(event);
-  const pause = () => player.play(false);
-  return { element, speedField: speedField(look, onSpeed), key, update, pause };
+  return { element, speedField: speedField(look, onSpeed), player, update };
 }
 
 /**

@@ -5,7 +5,9 @@
  */
 
 import { byId, fill, h, icon } from "../ui/dom.js";
+import { objectColor } from "../ui/palette.js";
 import { legend } from "./legend.js";
+import { liveliest } from "./liveliest.js";
 import { TRAILS, keepLook, loadLook } from "./look.js";
 import { pickers } from "./pickers.js";
 import { plots } from "./plots.js";
@@ -41,7 +43,8 @@ export function showViewer(session) {
     look,
     () => keepLook(look),
   );
-  const sequences = sequenceList(session);
+  const { player } = moving;
+  const sequences = sequenceList(session, (range) => player.show(range));
   const picking = pickers(session);
   const redraw = () => {
     keepLook(look);
@@ -51,27 +54,29 @@ export function showViewer(session) {
     problem.textContent = "";
     redraw();
   });
-  const tools = h(
+  const trails = h("label", { class: "field" }, h("span", {}, "Trails"), trailSelect(look, redraw));
+  const tools = h("div", { class: "viewer-tools" }, trails, moving.speedField);
+  const head = h(
     "div",
-    { class: "viewer-tools" },
+    { class: "viewer-head" },
+    h("h2", { id: "viewer-title" }, "Frames"),
     zoomView(view.gesture),
-    h("label", { class: "field" }, h("span", {}, "Trails"), trailSelect(look, redraw)),
-    moving.speedField,
   );
-  const title = h("h2", { id: "viewer-title" }, "Frames and trajectories");
-  const shown = [view.element, moving.element, tools, layers.element, note, problem, keysView()];
+  const more = h("details", { class: "keys" }, h("summary", {}, "Trails, speed, keys"), tools, note);
+  more.append(...keysView());
+  const frames = [head, view.element, moving.element, layers.element, problem];
+  const lines = h("div", { class: "viewer-lines" }, ...plots(session));
   fill(
     place,
-    h("div", { class: "viewer-head" }, title, ...picking.elements),
+    h("div", { class: "panel viewer-stage" }, ...frames, sequences.element, more),
     h(
       "div",
-      { class: "viewer-body" },
-      h("div", { class: "viewer-stage" }, ...shown),
-      h("div", { class: "viewer-plots" }, ...plots(session)),
-      sequences.element,
+      { class: "panel viewer-plots" },
+      h("div", { class: "viewer-head" }, ...picking.elements),
+      lines,
     ),
   );
-  listenToKeys(place, (event) => moving.key(event) || view.gesture.key(event.key));
+  listenToKeys(place, (event) => player.key(event) || view.gesture.key(event.key));
 
   const showSelection = () => {
     place.hidden = score.evaluation === null || score.scoring === null;
@@ -83,15 +88,36 @@ export function showViewer(session) {
     const { object } = score.selection;
     if (!score.scoring || !score.evaluation?.objects[object]) return;
     picking.updateKeypoints();
-    layers.update(score.objects[object], score.keypointOf(object));
+    layers.update(score.objects[object], score.keypointOf(object), objectColor(object));
     note.textContent = placingNote(session);
   };
+  const open = opener(session, player);
   follow(session, showSelection, showPair, () => {
-    moving.pause();
     view.reset();
     problem.textContent = "";
     picking.rebuild();
+    open();
   });
+}
+
+/**
+ * Opens other frames where most happens, and plays them for those who do not mind.
+ * @param {Session} session
+ * @param {import("./player.js").Player} player
+ */
+function opener(session, player) {
+  const { score } = session;
+  let shown = "";
+  return () => {
+    const next = JSON.stringify(score.sequences);
+    if (next === shown) return;
+    shown = next;
+    player.play(false);
+    const sequence = liveliest(session);
+    if (!sequence) return;
+    player.show(sequence);
+    player.play(!window.matchMedia("(prefers-reduced-motion: reduce)").matches);
+  };
 }
 
 /**
@@ -176,13 +202,8 @@ function zoomView({ zoomIn, zoomOut, reset }) {
 
 function keysView() {
   const rows = KEYS.map(([keys, what]) => h("div", {}, h("dt", {}, keys), h("dd", {}, what)));
-  return h(
-    "details",
-    { class: "keys" },
-    h("summary", {}, "Keys"),
-    h("dl", {}, ...rows),
-    h("p", {}, "The wheel zooms once the image was clicked. A click selects a keypoint."),
-  );
+  const wheel = "The wheel zooms once the image was clicked. A click selects a keypoint.";
+  return [h("dl", {}, ...rows), h("p", {}, wheel)];
 }
 
 /**

@@ -185,13 +185,42 @@ impl Page {
         .await;
     }
 
-    /// Clicks what a selector finds, once it is not disabled.
+    /// Opens the tab and the details that hold what a selector finds, by their own controls.
+    pub async fn reveal(&self, selector: &str) {
+        let quoted = Value::from(selector);
+        self.until(&format!("document.querySelector({quoted})"))
+            .await;
+        self.value(&format!(
+            "(() => {{ const element = document.querySelector({quoted}); \
+             const panel = element.closest('[role=tabpanel]'); \
+             if (panel?.hidden) document.querySelector(`[aria-controls=${{panel.id}}]`).click(); \
+             for (let at = element.parentElement; at; at = at.parentElement) \
+             if (at.matches('details:not([open])')) at.querySelector('summary').click(); }})()"
+        ))
+        .await;
+    }
+
+    /// Stops what plays, and goes to the first frame of the first sequence.
+    pub async fn hold(&self) {
+        self.value(
+            "(() => { const play = document.querySelector('#play'); \
+             if (play.getAttribute('aria-label') === 'Pause') play.click(); \
+             for (const id of ['#sequence-list', '#stage']) document.querySelector(id) \
+             .dispatchEvent(new KeyboardEvent('keydown', { key: 'Home', bubbles: true })); })()",
+        )
+        .await;
+        self.until("document.querySelector('#stage').dataset.frame === '0'")
+            .await;
+    }
+
+    /// Clicks what a selector finds, once it is not disabled, in the tab that it is in.
     pub async fn click(&self, selector: &str) {
         self.until(&format!(
             "document.querySelector({0})?.disabled === false",
             Value::from(selector)
         ))
         .await;
+        self.reveal(selector).await;
         let element = self
             .driver
             .find(By::Css(selector))

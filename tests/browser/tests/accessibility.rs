@@ -106,6 +106,27 @@ fn pack(folder: &Path, archive: &Path) {
     zip.finish().expect("an archive");
 }
 
+/// The tabs that are there; one without a name where there are none.
+async fn tabs(page: &Page) -> Vec<String> {
+    let found = page
+        .value(
+            "(([...tabs]) => tabs.length > 0 ? tabs : [''])([...document.querySelectorAll('#tabs [role=tab]')] \
+             .filter((tab) => tab.checkVisibility()).map((tab) => tab.id))",
+        )
+        .await;
+    let tabs = found.as_array().expect("tabs").iter();
+    tabs.map(|tab| tab.as_str().expect("a name").to_owned())
+        .collect()
+}
+
+/// Opens a tab and all details.
+fn open(tab: &str) -> String {
+    format!(
+        "(document.getElementById('{tab}')?.click(), \
+         document.querySelectorAll('details').forEach((d) => {{ d.open = true; }}))"
+    )
+}
+
 async fn in_scheme(page: &Page, scheme: &str) {
     // Without motion, or axe sees colours on their way from one scheme to the other.
     let features = json!({ "features": [
@@ -127,7 +148,10 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
             if browser == Browser::Chromium {
                 in_scheme(&page, scheme).await;
             }
-            has_no_barrier(&page, &format!("{state}, {scheme}")).await;
+            for tab in tabs(&page).await {
+                page.value(&open(&tab)).await;
+                has_no_barrier(&page, &format!("{state}, {tab}, {scheme}")).await;
+            }
         }
     };
     page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
@@ -185,12 +209,15 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     let page = Page::open().await;
     let overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth";
     let wide = "[...document.querySelectorAll('body *')].filter((e) => e.getBoundingClientRect().right > \
-                document.documentElement.clientWidth + 1 && !e.closest('pre, .sequence-list, .visually-hidden, svg, .failures ul'))\
+                document.documentElement.clientWidth + 1 && !e.closest('pre, .tabs, .sequence-list, .visually-hidden, svg, .failures ul'))\
                 .map((e) => e.tagName + '.' + e.className).slice(0, 5)";
     let fits = async |state: &str| {
-        let by = page.number(overflow).await;
-        let elements = page.value(wide).await;
-        assert!(by <= 0.0, "{state}: {by} px too wide: {elements}");
+        for tab in tabs(&page).await {
+            page.value(&open(&tab)).await;
+            let by = page.number(overflow).await;
+            let elements = page.value(wide).await;
+            assert!(by <= 0.0, "{state}, {tab}: {by} px too wide: {elements}");
+        }
     };
     let phone = json!({ "width": 320, "height": 640, "deviceScaleFactor": 2, "mobile": true });
     page.cdp("Emulation.setDeviceMetricsOverride", phone).await;
@@ -238,6 +265,7 @@ async fn what_is_wider_than_a_phone_shows_that_it_goes_on() {
     page.cdp("Emulation.setDeviceMetricsOverride", phone).await;
     page.click("#try-example").await;
     page.until_scored().await;
+    page.reveal("#errors").await;
     let matrix = "document.querySelector('#errors .scroll-region')";
     page.until(&format!(
         "{matrix}.dataset.more === 'end' && {matrix}.tabIndex === 0"

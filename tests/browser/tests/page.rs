@@ -162,6 +162,7 @@ async fn the_example_is_one_click_away_and_thresholds_act_at_once(browser: Brows
     // The viewer: the picture is there, keys move it, the plots are drawn.
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
         .await;
+    page.hold().await;
     let before = page
         .number("document.querySelector('#stage').dataset.frame")
         .await;

@@ -1,13 +1,15 @@
 //! The viewer: frames, plots and sequences follow each other, by pointer and by keyboard.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use thirtyfour::prelude::*;
 use tracklens_page_tests::{Browser, Page, in_every_browser};
 
 in_every_browser! {
+    the_example_plays_where_most_moves_until_somebody_steps
     keys_move_through_frames_and_sequences
     moving_decodes_ahead_and_changes_nothing_but_the_frame
     plots_seek_and_follow
@@ -20,10 +22,16 @@ in_every_browser! {
 /// The example, scored, with the first picture on display.
 async fn example(browser: Browser) -> Page {
     let page = Page::open_in(browser).await;
+    if browser == Browser::Chromium {
+        // It does not play by itself then, and so has decoded nothing yet.
+        let still = json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
+        page.cdp("Emulation.setEmulatedMedia", still).await;
+    }
     page.click("#try-example").await;
     page.until_scored().await;
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
         .await;
+    page.hold().await;
     page
 }
 
@@ -42,6 +50,65 @@ async fn press(page: &Page, selector: &str, keys: impl Into<TypingData>) {
         .expect("an element");
     element.focus().await.expect("focus");
     element.send_keys(keys).await.expect("keys");
+}
+
+async fn the_example_plays_where_most_moves_until_somebody_steps(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    page.value(
+        "(() => { const stage = () => document.querySelector('#stage')?.dataset.frame; let first; \
+         document.querySelector('#try-example').addEventListener('click', () => { \
+         const start = performance.now(); const look = () => { first ??= stage(); \
+         if (first !== undefined && stage() !== first) globalThis.__moving = performance.now() - start; \
+         else requestAnimationFrame(look); }; look(); }); })()",
+    )
+    .await;
+    page.click("#try-example").await;
+    page.until("globalThis.__moving").await;
+    println!(
+        "{browser:?}: {:.0} ms from the click to a moving frame",
+        page.number("globalThis.__moving").await
+    );
+    page.until_scored().await;
+    // The paths of all objects together are the longest here.
+    let table = std::fs::read_to_string(tracklens_page_tests::example("ground_truth.csv"));
+    let shown = "document.querySelector('.sequence[aria-selected=true]').dataset.name";
+    assert_eq!(
+        page.value(shown).await,
+        liveliest(&table.expect("a table"))
+    );
+    let label = "document.querySelector('#play').getAttribute('aria-label')";
+    assert_eq!(page.value(label).await, "Pause");
+    press(&page, "#stage", Key::Left + "").await;
+    page.until(&format!("{label} === 'Play'")).await;
+    // Another sequence is played on; a frame that is asked for stays.
+    press(&page, "#stage", " ").await;
+    press(&page, "#stage", Key::PageUp + "").await;
+    assert_eq!(page.value(label).await, "Pause");
+    page.click("#worst-frames button").await;
+    page.until(&format!("{label} === 'Play'")).await;
+    page.close().await;
+}
+
+/// The sequence of a tidy table in which the objects cover the longest paths.
+fn liveliest(table: &str) -> String {
+    let mut last: HashMap<(String, String), [f64; 2]> = HashMap::new();
+    let mut paths: HashMap<String, f64> = HashMap::new();
+    for line in table.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let [x, y] = [fields[3], fields[4]].map(str::parse);
+        let (Ok(x), Ok(y)) = (x, y) else { continue };
+        let key = (fields[0].to_owned(), fields[2].to_owned());
+        if let Some([a, b]) = last.insert(key, [x, y]) {
+            *paths.entry(fields[0].to_owned()).or_default() += f64::hypot(x - a, y - b);
+        }
+    }
+    let longest = paths.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    let (name, _) = longest.expect("a sequence");
+    // The table may have the number alone.
+    match name.parse::<usize>() {
+        Ok(number) => format!("seq_{number:04}"),
+        Err(_) => name,
+    }
 }
 
 async fn keys_move_through_frames_and_sequences(browser: Browser) {
@@ -99,6 +166,7 @@ fn changes_by(selector: &str, event: &str) -> String {
 
 async fn moving_decodes_ahead_and_changes_nothing_but_the_frame(browser: Browser) {
     let page = example(browser).await;
+    page.reveal("#sequences").await;
     page.until("document.querySelector('#sequences svg')").await;
     page.value(
         "(() => { const counts = document.body.dataset; counts.decoded = 0; \
