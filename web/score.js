@@ -2,34 +2,21 @@
 /**
  * A score: joined points, how they are scored, what comes out, and what of it is on display. A
  * session fills it from files. The views listen to its events: `scoring` (another set of joined
- * points), `evaluation` (other options for the same points), `intervals`, `selection` and `choice`
- * (a keypoint other than the best one).
+ * points), `evaluation` (other options for the same points), `intervals`, `preview` (what can be
+ * looked at before there is a score), `selection` and `choice` (a keypoint other than the best one).
  */
 
-import { latentToImage } from "./pkg/index.js";
 import { messageOf } from "./errors.js";
+import { Points } from "./points.js";
 import { load, store } from "./settings.js";
 
 /**
- * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./files/sources.js").Source} Source
  * @typedef {import("./files/saved.js").SavedEvaluation} SavedEvaluation
  * @typedef {import("./pkg/index.js").CommandInputs} CommandInputs
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
  * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").Scoring} Scoring
- * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
- * @typedef {import("./pkg/index.js").Series & { distances: Float64Array }} Series
- *
- * Joined points and what they belong to.
- * @typedef {object} Points
- * @property {Scoring} scoring
- * @property {(Source | null)[]} pictures for each joined frame its image; empty: there are none
- * @property {[number, number][]} sizes width and height by joined frame, or one for all; empty: not
- * known
- * @property {OpenEncoder | null} encoder whose latent space the keypoints are in
- * @property {CommandInputs} inputs the files, as a command names them
  *
  * How points are scored. `thresholds` holds those that were edited, by object.
  * @typedef {{ transform: Evaluation["transform"], rank: Evaluation["rank"], thresholds: Map<string,
@@ -47,14 +34,16 @@ const STEP_MS = 24;
 const TRANSFORMS = ["identity", "scale-translate", "affine"];
 const RANKS = ["reference", "centred"];
 const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
-/** Series of this many pairs of object and keypoint are kept: those of all objects on display. */
-const KEPT_SERIES = 32;
 
 export class Score extends EventTarget {
-  /** @type {Scoring | null} */
-  scoring = null;
+  /** The points that are scored. @type {Points | null} */
+  points = null;
   /** @type {Evaluation | null} */
   evaluation = null;
+  /** What is there before it can be scored. @type {Points | null} */
+  preview = null;
+  /** The score of the keypoints that are there so far. @type {Evaluation | null} */
+  provisional = null;
   /** The saved evaluation on display, when nothing is scored. @type {Saved | null} */
   savedIn = null;
   /**
@@ -68,12 +57,6 @@ export class Score extends EventTarget {
   resampling = { folds: 0, intervals: false };
   /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
   intervals = null;
-  /** Of the joined frames. @type {string[]} */
-  objects = [];
-  /** The joined frames by sequence. @type {SequenceRange[]} */
-  sequences = [];
-  /** For each joined frame its number in its sequence. @type {Float64Array} */
-  frameNumbers = new Float64Array();
   /** Object and joined frame on display. */
   selection = { object: 0, frame: 0 };
 
@@ -86,14 +69,6 @@ export class Score extends EventTarget {
    * @type {Map<number, number>}
    */
   #chosen = new Map();
-  /** @type {Points["pictures"]} */
-  #pictures = [];
-  /** @type {Points["sizes"]} */
-  #sizes = [];
-  /** @type {OpenEncoder | null} */
-  #encoder = null;
-  /** The last ones asked for. @type {Map<string, Series>} */
-  #series = new Map();
 
   /**
    * @param {import("./files/problems.js").Problems} problems
@@ -111,22 +86,43 @@ export class Score extends EventTarget {
   /**
    * Scores other points.
    * @param {Points} points
+   * @param {CommandInputs} inputs the files, as a command names them
    */
-  show({ scoring, pictures, sizes, encoder, inputs }) {
-    this.scoring = scoring;
-    this.objects = scoring.objects;
-    this.sequences = scoring.sequences;
-    this.frameNumbers = scoring.frameNumbers;
-    this.#pictures = pictures;
-    this.#sizes = sizes;
-    this.#encoder = encoder;
+  show(points, inputs) {
+    this.preview = null;
+    this.provisional = null;
+    this.points = points;
     this.#inputs = inputs;
-    this.selection = {
-      object: Math.min(this.selection.object, this.objects.length - 1),
-      frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
-    };
+    this.#keepSelection();
     this.#evaluate();
     this.#remind();
+  }
+
+  /**
+   * Shows what is there before it can be scored.
+   * @param {Points | null} points
+   * @param {Scoring | null} judge the frames that have keypoints already
+   */
+  showPreview(points, judge) {
+    if (!points && !this.preview) return;
+    this.preview = points;
+    this.provisional = null;
+    if (points) this.#keepSelection();
+    if (points?.scoring && judge) {
+      try {
+        this.provisional = judge.evaluate(this.#scoreOptions());
+      } catch {
+        // Too little is there yet; what is wrong with the options is said with the score.
+      }
+    }
+    this.emit("preview");
+  }
+
+  #keepSelection() {
+    this.selection = {
+      object: Math.max(0, Math.min(this.selection.object, this.objects.length - 1)),
+      frame: Math.min(this.selection.frame, this.frameNumbers.length - 1),
+    };
   }
 
   /**
@@ -137,32 +133,52 @@ export class Score extends EventTarget {
     const { evaluation } = saved.evaluation;
     this.savedIn = saved;
     this.evaluation = evaluation;
-    this.objects = evaluation.objects.map(({ name }) => name);
     this.selection = { object: Math.min(this.selection.object, this.objects.length - 1), frame: 0 };
     this.emit("evaluation");
   }
 
   /** Forgets the points; whoever made them gives them back. */
   forget() {
-    this.scoring = null;
+    this.points = null;
     this.evaluation = null;
+    this.preview = null;
+    this.provisional = null;
     this.savedIn = null;
     this.intervals = null;
-    this.objects = [];
-    this.sequences = [];
-    this.frameNumbers = new Float64Array();
-    this.#pictures = [];
-    this.#sizes = [];
-    this.#encoder = null;
     this.#inputs = null;
     this.#chosen.clear();
-    this.#series.clear();
   }
 
   /** As on a fresh page. */
   resetOptions() {
     this.options = this.#startOptions();
     this.resampling = { folds: 0, intervals: false };
+  }
+
+  /** What is scored, when something is. */
+  get scoring() {
+    return this.points?.scoring ?? null;
+  }
+
+  /** The frames on display. */
+  get shown() {
+    return this.points ?? this.preview;
+  }
+
+  /** Of the frames on display, or of a saved evaluation. @returns {string[]} */
+  get objects() {
+    if (this.shown) return this.shown.objects;
+    return this.savedIn ? this.savedIn.evaluation.evaluation.objects.map(({ name }) => name) : [];
+  }
+
+  /** The frames on display by sequence. */
+  get sequences() {
+    return this.shown?.sequences ?? [];
+  }
+
+  /** For each frame on display its number in its sequence. */
+  get frameNumbers() {
+    return this.shown?.frameNumbers ?? new Float64Array();
   }
 
   /** The evaluation that was saved and is on display. */
@@ -252,7 +268,7 @@ export class Score extends EventTarget {
    * @param {number} object
    */
   keypointOf(object) {
-    const best = this.evaluation?.objects[object]?.best_keypoint ?? null;
+    const best = this.judged?.objects[object]?.best_keypoint ?? null;
     return best === null ? null : (this.#chosen.get(object) ?? best);
   }
 
@@ -279,7 +295,12 @@ export class Score extends EventTarget {
    * @param {number} object
    */
   isChosen(object) {
-    return this.keypointOf(object) !== (this.evaluation?.objects[object]?.best_keypoint ?? null);
+    return this.keypointOf(object) !== (this.judged?.objects[object]?.best_keypoint ?? null);
+  }
+
+  /** The evaluation that says which keypoints are shown: that of the score, or of what is there. */
+  get judged() {
+    return this.evaluation ?? this.provisional;
   }
 
   /**
@@ -323,67 +344,37 @@ export class Score extends EventTarget {
     }));
   }
 
-  /** Width and height of the images, when it is known and the same for all. */
   get imageSize() {
-    return this.#sizes.length === 1 ? this.#sizes[0] : null;
+    return this.shown?.imageSize ?? null;
   }
 
-  /**
-   * Whether raw keypoints are shown where the encoder's grid places them; otherwise they are taken
-   * as ndc.
-   */
   get placesKeypoints() {
-    return this.#encoder !== null && this.#sizes.length > 0;
+    return this.shown?.placesKeypoints ?? false;
   }
 
-  /**
-   * The image of a joined frame.
-   * @param {number} frame
-   */
+  /** @param {number} frame */
   picture(frame) {
-    return this.#pictures[frame] ?? null;
+    return this.shown?.picture(frame) ?? null;
   }
 
-  /** Whether any joined frame has an image. */
   get hasPictures() {
-    return this.#pictures.some((picture) => picture !== null);
+    return this.shown?.hasPictures ?? false;
   }
 
-  /**
-   * The sequence a joined frame belongs to.
-   * @param {number} frame
-   * @returns {SequenceRange | null}
-   */
+  /** @param {number} frame */
   sequenceOf(frame) {
-    return (
-      this.sequences.find(({ start, length }) => frame >= start && frame < start + length) ?? null
-    );
+    return this.shown?.sequenceOf(frame) ?? null;
   }
 
   /**
-   * The points of an object and its keypoint on display, all in ndc, with their squared distances;
-   * `null` when it has none.
+   * The points of an object and its keypoint on display; `null` when it has none. Before there are
+   * keypoints, those of the object alone.
    * @param {number} object
    */
   series(object) {
     const keypoint = this.keypointOf(object);
-    if (!this.scoring || keypoint === null) return null;
-    const key = `${object} ${keypoint}`;
-    let series = this.#series.get(key);
-    if (series) {
-      // The oldest is the one not asked for longest.
-      this.#series.delete(key);
-      this.#series.set(key, series);
-    } else {
-      const options = this.#mapOptions();
-      const { truth, keypoint: raw, transformed } = this.scoring.series(object, keypoint, options);
-      const distances = this.scoring.distances(object, keypoint, options);
-      series = { truth, keypoint: this.#place(raw), transformed, distances };
-      const [oldest] = this.#series.keys();
-      if (this.#series.size >= KEPT_SERIES) this.#series.delete(oldest);
-      this.#series.set(key, series);
-    }
-    return series;
+    if (keypoint !== null) return this.shown?.series(object, keypoint, this.#mapOptions()) ?? null;
+    return this.preview?.truthOf(object) ?? null;
   }
 
   /**
@@ -400,24 +391,17 @@ export class Score extends EventTarget {
     return errors.map((_, i) => byStart.get(this.sequences[i].start) ?? NaN);
   }
 
-  /**
-   * All keypoints of a joined frame in ndc, N x 2.
-   * @param {number} frame
-   */
+  /** @param {number} frame */
   keypointsAt(frame) {
-    return this.scoring ? this.placed(this.scoring.keypointsAt(frame), frame) : new Float64Array();
+    return this.shown?.keypointsAt(frame) ?? new Float64Array();
   }
 
   /**
-   * Points of a joined frame in ndc; see {@link Score.placesKeypoints}.
    * @param {Float64Array} points
    * @param {number} frame
    */
   placed(points, frame) {
-    const size = this.imageSize ?? this.#sizes[frame];
-    return this.#encoder && size
-      ? latentToImage(this.#encoder.info.config, points, ...size)
-      : points;
+    return this.shown?.placed(points, frame) ?? points;
   }
 
   // What follows
@@ -463,7 +447,7 @@ export class Score extends EventTarget {
 
   #evaluate() {
     if (!this.scoring) return;
-    this.#series.clear();
+    this.points?.forgetSeries();
     try {
       this.evaluation = this.scoring.evaluate(this.#scoreOptions());
       this.#learnDefaults(this.evaluation);
@@ -543,20 +527,6 @@ export class Score extends EventTarget {
       ...(this.imageSize ? { imageSize: this.imageSize } : {}),
       ...(this.folds > 0 ? { folds: this.folds } : {}),
     };
-  }
-
-  /**
-   * Latent points of the joined frames in the image.
-   * @param {Float64Array} points
-   */
-  #place(points) {
-    if (!this.#encoder || this.#sizes.length === 0) return points;
-    const { config } = this.#encoder.info;
-    if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
-    const placed = new Float64Array(points.length);
-    for (let t = 0; t < this.#sizes.length; t++)
-      placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);
-    return placed;
   }
 
   /** @param {string} topic */

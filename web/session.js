@@ -13,6 +13,8 @@ import { identify } from "./files/intake.js";
 import { Library } from "./files/library.js";
 import { Problems, askForReading } from "./files/problems.js";
 import { repeatedText, replacedText, severalText, uselessText } from "./files/texts.js";
+import { Points } from "./points.js";
+import { judgeOf, previewOf } from "./preview.js";
 import { Score } from "./score.js";
 import { count } from "./ui/format.js";
 
@@ -37,6 +39,9 @@ import { count } from "./ui/format.js";
 
 /** Problems that are shown until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced", "example"];
+
+/** Milliseconds between two looks at the keypoints so far, and how many times one look takes. */
+const PREVIEW = { least: 400, times: 12 };
 
 /** What there is one used of, with what several of them are called. @type {[Slot, string][]} */
 const SLOTS = [
@@ -91,6 +96,10 @@ export class Session extends EventTarget {
   #isPartial = false;
   /** What was made from the files and is made anew when they change. @type {{ free(): void }[]} */
   #derived = [];
+  /** What the preview was made of. @type {{ free(): void }[]} */
+  #previewed = [];
+  /** When the preview may be made anew. */
+  #previewDue = 0;
 
   /**
    * @param {import("./extraction/extractor.js").Extractor} extractor
@@ -559,6 +568,7 @@ export class Session extends EventTarget {
     if (this.table && this.truth) this.#scoreTable(this.truth, this.table, indexed);
     if (!this.score.scoring) this.#showSaved();
     this.score.emit("scoring");
+    this.#showPreview();
     this.emit("extraction");
     const isReady = this.join && !this.#paused && this.extraction?.status !== "failed";
     if (!this.table && isReady) void this.#run();
@@ -610,13 +620,26 @@ export class Session extends EventTarget {
     this.join = scoring.join;
     const positions = indexed ? Array.from(scoring.imagesFrom(indexed.frames)) : [];
     const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
-    this.score.show({
-      scoring,
-      pictures,
-      sizes: this.#measure(pictures),
-      encoder: this.encoder,
-      inputs: commandInputs(this.library, this.frameSources),
-    });
+    const { sequences, frameNumbers } = scoring;
+    const sizes = this.#measure(pictures);
+    const parts = { scoring, sequences, frameNumbers, pictures, sizes, encoder: this.encoder };
+    this.score.show(new Points(parts), commandInputs(this.library, this.frameSources));
+  }
+
+  /** Shows the frames with what is known of them, until there is a score. */
+  #showPreview() {
+    const { score } = this;
+    const before = this.#previewed;
+    this.#previewed = [];
+    const start = performance.now();
+    const isNeeded = !score.scoring && !score.saved;
+    const points = isNeeded ? previewOf(this, this.#previewed) : null;
+    score.showPreview(points, points && judgeOf(this, this.#previewed));
+    // The views have let go of it now.
+    for (const made of before.reverse()) made.free();
+    const { least, times } = PREVIEW;
+    const now = performance.now();
+    this.#previewDue = now + Math.max(least, times * (now - start));
   }
 
   /** Shows an evaluation that was saved, unless a score is about to come. */
@@ -657,10 +680,14 @@ export class Session extends EventTarget {
     if (extraction.pending(this.frameSources).length === 0) return;
     const generation = this.#generation;
     const alive = () => generation === this.#generation && this.extraction === extraction;
-    const running = extraction.run(this.frameSources, () => this.emit("extraction"));
+    const running = extraction.run(this.frameSources, () => {
+      if (alive() && performance.now() >= this.#previewDue) this.#showPreview();
+      this.emit("extraction");
+    });
     this.emit("extraction");
     const complete = await running;
     if (!alive()) return;
+    if (!complete) this.#showPreview();
     this.emit("extraction");
     if (!complete) return;
     this.#queue = this.#queue.then(async () => {
@@ -672,10 +699,11 @@ export class Session extends EventTarget {
 
   /** Gives back what was derived from the files. */
   #release() {
-    for (const made of this.#derived.reverse()) made.free();
-    this.#derived = [];
-    this.table = null;
     this.score.forget();
+    for (const made of [...this.#derived, ...this.#previewed].reverse()) made.free();
+    this.#derived = [];
+    this.#previewed = [];
+    this.table = null;
   }
 
   /**

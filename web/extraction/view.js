@@ -3,11 +3,12 @@
 
 import { announce, byId, fill, h, icon, notice, prose } from "../ui/dom.js";
 import { save } from "../ui/download.js";
-import { count, duration, fixed, integer } from "../ui/format.js";
+import { count, duration, fixed, integer, names, significant } from "../ui/format.js";
 
 /** @typedef {import("../session.js").Session} Session */
 
 const LISTED_FAILURES = 50;
+const LISTED_OBJECTS = 6;
 /** Progress is announced to screen readers this often. */
 const ANNOUNCE_EVERY_MS = 10_000;
 
@@ -16,7 +17,9 @@ export function showExtraction(session) {
   const place = byId("extraction");
   const progress = h("progress", { id: "progress", "aria-labelledby": "extraction-title" });
   const line = h("p", { id: "progress-text", class: "progress-text" });
-  const running = [progress, line, button("cancel", "Cancel", () => session.cancel())];
+  const soFar = h("p", { id: "provisional", class: "provisional" });
+  const cancel = button("cancel", "Cancel", () => session.cancel());
+  const running = [progress, line, soFar, cancel];
   const title = h("h2", { id: "extraction-title", tabIndex: -1 }, "Extraction");
   let shown = "";
   let announced = 0;
@@ -69,6 +72,23 @@ export function showExtraction(session) {
   };
   session.addEventListener("extraction", update);
   session.addEventListener("files", update);
+  session.score.addEventListener("preview", () => (soFar.textContent = provisional(session)));
+}
+
+/**
+ * The score of the frames that are done so far.
+ * @param {Session} session
+ */
+function provisional({ extraction, score: { provisional } }) {
+  if (!provisional || !extraction) return "";
+  const { tc, objects } = provisional;
+  const errors = objects
+    .filter(({ error }) => error !== null)
+    .map(({ name, error }) => `${name} ${significant(error)}`);
+  return (
+    `So far, in ${count(extraction.extracted.size, "frame")}: TC ${tc === null ? "unknown" : fixed(tc)}; errors ` +
+    `${names(errors.slice(0, LISTED_OBJECTS), errors.length)}.`
+  );
 }
 
 /**

@@ -56,9 +56,7 @@ export class Inside {
    * @param {Session} session
    */
   static hasHeat(session) {
-    return (
-      session.encoder !== null && !session.library.used("keypoints") && session.score.hasPictures
-    );
+    return isExtracted(session) && session.score.hasPictures;
   }
 
   /**
@@ -66,9 +64,7 @@ export class Inside {
    * @param {Session} session
    */
   static hasImage(session) {
-    return (
-      session.encoder !== null && !session.library.used("keypoints") && session.encoder.info.decoder
-    );
+    return isExtracted(session) && session.encoder?.info.decoder === true;
   }
 
   /**
@@ -189,6 +185,14 @@ export class Inside {
       if (worker === this.#worker) settle({ problem: messageOf(error) });
     }
   }
+}
+
+/**
+ * Whether the keypoints that are scored come from the checkpoint.
+ * @param {Session} session
+ */
+function isExtracted({ encoder, library, score }) {
+  return score.scoring !== null && encoder !== null && !library.used("keypoints");
 }
 
 /**

@@ -30,8 +30,8 @@ export function pickers({ score }) {
   /** The keypoints of the object on display. */
   const updateKeypoints = () => {
     const { object } = score.selection;
-    const best = score.evaluation?.objects[object]?.best_keypoint ?? null;
-    const errors = score.evaluation?.errors[object] ?? [];
+    const best = score.judged?.objects[object]?.best_keypoint ?? null;
+    const errors = score.judged?.errors[object] ?? [];
     fill(
       keypoints,
       h("option", { value: "" }, best === null ? "none" : `best (no. ${best})`),

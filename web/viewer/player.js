@@ -109,7 +109,7 @@ export class Player {
   /** @param {boolean} isWanted */
   play(isWanted) {
     const wasPlaying = this.#isPlaying;
-    this.#isPlaying = isWanted && this.#score.scoring !== null;
+    this.#isPlaying = isWanted && this.#score.shown !== null;
     if (this.#isPlaying !== wasPlaying) this.#onPlaying(this.#isPlaying);
     if (!this.#isPlaying || wasPlaying) return;
     this.#own = this.#score.selection.frame;

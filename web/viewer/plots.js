@@ -55,7 +55,7 @@ export function plots(session) {
   };
   const draw = async () => {
     scheduled = false;
-    if (!session.score.scoring) return;
+    if (!session.score.shown?.scoring) return;
     drawn = pair();
     try {
       // Loaded when there is something to draw.
@@ -79,7 +79,7 @@ export function plots(session) {
     for (const view of views) view.moveCursor();
   };
   session.score.addEventListener("selection", follow);
-  for (const topic of ["scoring", "evaluation"]) session.score.addEventListener(topic, schedule);
+  for (const topic of ["scoring", "evaluation", "preview"]) session.score.addEventListener(topic, schedule);
   // Zooming changes the pixels of a canvas without changing its size in the layout.
   window.addEventListener("resize", schedule);
   const resized = new ResizeObserver(schedule);
@@ -165,7 +165,8 @@ function plotView(session, quantity) {
     cursor.style.height = `${(area.bottom - area.top) / scale}px`;
     canvas.dataset.cursor = String(x);
     const [truth, other] = valuesAt(plot, plot.at[index]);
-    fill(readout, ...(quantity === "error" ? [truth] : [truth, other]).map(valueView));
+    const values = quantity === "error" || !other ? [truth] : [truth, other];
+    fill(readout, ...values.map(valueView));
   };
 
   /**
@@ -281,11 +282,11 @@ async function savePlot(session, quantity, format) {
  * @returns {Plot | null}
  */
 function describe(session, quantity, colors, fontSize) {
-  const { evaluation, selection } = session.score;
+  const { judged, selection } = session.score;
   const keypoint = session.score.keypointOf(selection.object);
   const series = session.score.series(selection.object);
   const sequence = session.score.sequenceOf(selection.frame);
-  if (!evaluation || !series || !sequence) return null;
+  if (!series || !sequence || (quantity === "error" && !judged)) return null;
   const { start, at } = axisOf(
     session.score.frameNumbers.subarray(sequence.start, sequence.start + sequence.length),
   );
@@ -299,7 +300,7 @@ function describe(session, quantity, colors, fontSize) {
     at.forEach((position, i) => (values[position] = value(sequence.start + i)));
     return { label, color, values };
   };
-  const { threshold } = evaluation.objects[selection.object];
+  const threshold = judged?.objects[selection.object].threshold ?? NaN;
   const coordinate = (/** @type {Float64Array} */ points) => (/** @type {number} */ t) =>
     points[2 * t + (quantity === "y" ? 1 : 0)];
   const isError = quantity === "error";
@@ -317,7 +318,7 @@ function describe(session, quantity, colors, fontSize) {
           line(`keypoint ${keypoint}`, colors.keypoint, coordinate(series.keypoint)),
           line("truth", colors.truth, coordinate(series.truth)),
           line("transformed", colors.transformed, coordinate(series.transformed)),
-        ],
+        ].filter((_, i) => keypoint !== null || i === 1),
     cursor: at[selection.frame - sequence.start],
     fromZero: isError,
     foreground: colors.foreground,
@@ -326,7 +327,11 @@ function describe(session, quantity, colors, fontSize) {
     fontSize,
   };
   /** @type {(keyof Colors)[]} */
-  const marks = isError ? ["foreground", "error"] : ["keypoint", "truth", "transformed"];
+  const marks = isError
+    ? ["foreground", "error"]
+    : keypoint === null
+      ? ["truth"]
+      : ["keypoint", "truth", "transformed"];
   return { figure, at, marks };
 }
 

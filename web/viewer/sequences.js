@@ -87,7 +87,7 @@ export function sequenceList(session, onPick) {
   let rowHeight = 28;
   const draw = () => {
     // The list also hears of its size when everything was removed.
-    if (!session.score.scoring) return;
+    if (!session.score.shown) return;
     const first = Math.max(0, Math.floor(list.scrollTop / rowHeight) - BEYOND);
     const last = Math.min(
       order.length,
@@ -110,10 +110,11 @@ export function sequenceList(session, onPick) {
     const sequence = order[position];
     const { name, length } = session.score.sequences[sequence];
     const error = errors[sequence];
-    const { threshold } = session.score.evaluation?.objects[session.score.selection.object] ?? {
+    const { threshold } = session.score.judged?.objects[session.score.selection.object] ?? {
       threshold: NaN,
     };
     const seen = !Number.isNaN(error);
+    const unseen = session.score.scoring ? "object not visible" : "not scored yet";
     const bar = h("span", { class: "sequence-bar", "aria-hidden": "true" }, h("span"), h("span"));
     const [extent, tick] = /** @type {HTMLElement[]} */ ([...bar.children]);
     extent.style.width = seen ? `${Math.max(2, share(error))}%` : "0";
@@ -135,7 +136,7 @@ export function sequenceList(session, onPick) {
       h(
         "span",
         { class: "visually-hidden" },
-        `, ${count(length, "frame")}, ${seen ? "error" : "object not visible"} `,
+        `, ${count(length, "frame")}, ${seen ? "error" : unseen} `,
       ),
       bar,
       h("span", { class: "sequence-error" }, significant(error)),
@@ -159,11 +160,12 @@ export function sequenceList(session, onPick) {
   let at = -1;
   /** Follows the session; does nothing while only the frame within a sequence changes. */
   const update = () => {
-    const { evaluation, selection, sequences } = session.score;
-    if (!evaluation) return;
+    const { evaluation, selection, sequences, shown } = session.score;
+    if (!shown) return;
     // Another evaluation is another object.
     const shownBefore = scored;
     scored = {
+      shown,
       evaluation,
       object: selection.object,
       keypoint: session.score.keypointOf(selection.object),

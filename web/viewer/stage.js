@@ -87,6 +87,12 @@ export class Stage {
     });
   }
 
+  /** Forgets the points: there are others. */
+  renew() {
+    this.#keypoints = { frame: -1, points: new Float64Array() };
+    this.draw();
+  }
+
   /** Forgets the images: other files came. */
   reset() {
     this.#ticket++;
@@ -116,7 +122,7 @@ export class Stage {
       // Another frame was asked for meanwhile, or other files came.
       if (mine !== this.#ticket) return;
     }
-    if (!score.scoring) return;
+    if (!score.shown) return;
     const context = this.#fit(image ?? sizeOfPlate(this.#session));
     if (!context) return;
     const heat = this.#paint(context, frame, image ?? null, source);
@@ -263,7 +269,7 @@ function describe(session) {
   const where =
     `Frame ${session.score.frameNumbers[frame]} of sequence ` +
     `${session.score.sequenceOf(frame)?.name}`;
-  if (!series) return where;
+  if (!series || session.score.keypointOf(object) === null) return where;
   const point = (/** @type {Float64Array} */ points) => {
     const [x, y] = points.subarray(2 * frame, 2 * frame + 2);
     return Number.isNaN(x) ? "not visible" : `at x ${fixed(x)}, y ${fixed(y)}`;

@@ -65,33 +65,41 @@ export function showViewer(session) {
   const more = h("details", { class: "keys" }, h("summary", {}, "Trails, speed, keys"), tools, note);
   more.append(...keysView());
   const frames = [head, view.element, moving.element, layers.element, problem];
-  const lines = h("div", { class: "viewer-lines" }, ...plots(session));
+  const curves = h(
+    "div",
+    { class: "panel viewer-plots" },
+    h("div", { class: "viewer-head" }, ...picking.elements),
+    h("div", { class: "viewer-lines" }, ...plots(session)),
+  );
   fill(
     place,
     h("div", { class: "panel viewer-stage" }, ...frames, sequences.element, more),
-    h(
-      "div",
-      { class: "panel viewer-plots" },
-      h("div", { class: "viewer-head" }, ...picking.elements),
-      lines,
-    ),
+    curves,
   );
   listenToKeys(place, (event) => player.key(event) || view.gesture.key(event.key));
 
   const showSelection = () => {
-    place.hidden = score.evaluation === null || score.scoring === null;
+    place.hidden = !score.shown || (score.points !== null && !score.evaluation);
     if (place.hidden) return;
     for (const part of [picking, moving, sequences]) part.update();
     view.draw();
   };
   const showPair = () => {
     const { object } = score.selection;
-    if (!score.scoring || !score.evaluation?.objects[object]) return;
+    if (!score.shown) return;
+    curves.hidden = score.objects.length === 0;
     picking.updateKeypoints();
-    layers.update(score.objects[object], score.keypointOf(object), objectColor(object));
+    layers.update(score.objects[object] ?? "object", score.keypointOf(object), objectColor(object));
     note.textContent = placingNote(session);
   };
   const open = opener(session, player);
+  score.addEventListener("preview", () => {
+    picking.rebuild();
+    open();
+    view.renew();
+    showSelection();
+    showPair();
+  });
   follow(session, showSelection, showPair, () => {
     view.reset();
     problem.textContent = "";
@@ -109,7 +117,8 @@ function opener(session, player) {
   const { score } = session;
   let shown = "";
   return () => {
-    const next = JSON.stringify(score.sequences);
+    // Ground truth that comes later says where that is.
+    const next = JSON.stringify([score.sequences, score.objects]);
     if (next === shown) return;
     shown = next;
     player.play(false);
@@ -152,6 +161,7 @@ function follow({ score }, showSelection, showPair, reset) {
  * @param {Session} session
  */
 function placingNote({ score }) {
+  if (!score.scoring) return "Keypoints appear as they are extracted.";
   if (score.keypointOf(score.selection.object) === null) {
     return "This object is visible in no frame, so no keypoint is fitted to it.";
   }
