@@ -473,6 +473,12 @@ export function evaluationPage(evaluation: Evaluation): string;
 /** An evaluation as CSV, one line an object, as `tracklens score --csv` prints it. */
 export function evaluationCsv(evaluation: Evaluation): string;
 
+/** An evaluation in three lines for a paper: TC and errors, how they were scored, by what. */
+export function evaluationText(evaluation: Evaluation): string;
+
+/** The objects of an evaluation as a LaTeX table (booktabs), with how they were scored in its caption. */
+export function evaluationTex(evaluation: Evaluation): string;
+
 /** The error of an object with a keypoint in one sequence. */
 export interface SequenceError {
   sequence: string;
@@ -600,6 +606,7 @@ export function sequencesFigure(
 
 /** A line over frames. Figures are of the part `figures`. */
 export interface LineSeries {
+  /** Where all labels are empty, the figure has no legend. */
   label: string;
   /** CSS hex colour, `#rrggbb`. */
   color: string;

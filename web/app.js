@@ -2,22 +2,16 @@
 /** The application: one session, its views, and what the user does to the whole page. */
 
 import { version } from "./pkg/index.js";
-import { showComparison } from "./comparison/view.js";
-import { RunsComparison } from "./comparison/comparison.js";
 import { DeviceExtractor } from "./extraction/device-extractor.js";
-import { showDevices } from "./extraction/device-view.js";
 import { announce, byId } from "./ui/dom.js";
 import { listenToTabs } from "./ui/tabs.js";
 import { embed, embedder } from "./embed.js";
 import { fetchExample } from "./files/example.js";
 import { WorkerPool } from "./extraction/pool.js";
-import { showExtraction } from "./extraction/view.js";
 import { showFiles } from "./files/view.js";
 import { fromDrop, fromInput } from "./files/sources.js";
 import { keepOffline } from "./offline.js";
-import { showResults } from "./results/results.js";
 import { Session } from "./session.js";
-import { showViewer } from "./viewer/viewer.js";
 
 /** Starts the page; the scoring part of the package is loaded. */
 export function start() {
@@ -27,11 +21,10 @@ export function start() {
   const session = new Session(devices, { remembers: origin === null });
   listenToTabs(byId("tabs"));
   showFiles(session);
-  showExtraction(session);
-  showDevices(session, devices);
-  showResults(session);
-  showViewer(session);
-  showComparison(new RunsComparison(session));
+  // Files can be taken while the views of what is in them are fetched.
+  session.hold(
+    import("./views.js").then(({ showViews }) => showViews(session, devices, origin === null)),
+  );
   takeFiles(session);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
@@ -60,6 +53,12 @@ function takeFiles(session) {
     session.clear();
     announce("Everything was removed.");
     byId("choose-folder").focus();
+  });
+  byId("go-export").addEventListener("click", () => {
+    const tab = byId("tab-export");
+    tab.click();
+    tab.scrollIntoView({ block: "start" });
+    tab.focus({ preventScroll: true });
   });
   for (const id of ["choose-files", "choose-folder", "try-example"]) {
     /** @type {HTMLButtonElement} */ (byId(id)).disabled = false;
@@ -100,6 +99,7 @@ function showState(session) {
     if (state === before) return;
     main.dataset.state = state;
     byId("start-over").hidden = state === "empty";
+    byId("go-export").hidden = session.score.evaluation === null;
     byId("workspace").hidden = state === "empty";
     if (state === "empty") announce("");
   };

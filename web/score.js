@@ -7,6 +7,7 @@
  */
 
 import { messageOf } from "./errors.js";
+import { fragmentOf, settingsIn } from "./fragment.js";
 import { Points } from "./points.js";
 import { load, store } from "./settings.js";
 
@@ -54,7 +55,7 @@ export class Score extends EventTarget {
   /** @type {Options} */
   options;
   /** What is asked of the sequences: folds to hold out (0: none), intervals. */
-  resampling = { folds: 0, intervals: false };
+  resampling;
   /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
   intervals = null;
   /** Object and joined frame on display. */
@@ -79,6 +80,7 @@ export class Score extends EventTarget {
     this.#problems = problems;
     this.#remembers = remembers;
     this.options = this.#startOptions();
+    this.resampling = this.#startResampling();
   }
 
   // What is scored
@@ -152,7 +154,7 @@ export class Score extends EventTarget {
   /** As on a fresh page. */
   resetOptions() {
     this.options = this.#startOptions();
-    this.resampling = { folds: 0, intervals: false };
+    this.resampling = this.#startResampling();
   }
 
   /** What is scored, when something is. */
@@ -406,9 +408,24 @@ export class Score extends EventTarget {
 
   // What follows
 
-  /** Those of the last visit, where there was one. */
+  /** Those of the link, or of the last visit, where there are any. */
   #startOptions() {
-    return optionsFrom(this.#remembers ? load("score") : {});
+    if (!this.#remembers) return optionsFrom({});
+    return optionsFrom(settingsIn(location.hash) ?? load("score"));
+  }
+
+  #startResampling() {
+    const given = this.#remembers ? settingsIn(location.hash) : null;
+    return { folds: given?.folds ?? 0, intervals: given?.intervals ?? false };
+  }
+
+  /** Puts the settings into the page's address, which can be copied then. */
+  #tellAddress() {
+    if (!this.#remembers) return;
+    const options = { ...this.options, thresholds: new Map(this.#editedThresholds) };
+    const fragment = fragmentOf(options, this.resampling, DEFAULTS);
+    const before = settingsIn(location.hash) ? location.hash : "";
+    if (fragment !== before) history.replaceState(null, "", fragment || `${location.pathname}${location.search}`);
   }
 
   #remember() {
@@ -467,6 +484,7 @@ export class Score extends EventTarget {
       this.#problems.changed();
     }
     this.intervals = null;
+    this.#tellAddress();
     this.emit("evaluation");
     void this.#drawIntervals();
   }

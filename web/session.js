@@ -38,7 +38,7 @@ import { count } from "./ui/format.js";
  */
 
 /** Problems that are shown until more files are taken. */
-const STICKY = ["nothing", "repeated", "replaced", "example"];
+const STICKY = ["nothing", "repeated", "replaced", "example", "views"];
 
 /** Milliseconds between two looks at the keypoints so far, and how many times one look takes. */
 const PREVIEW = { least: 400, times: 12 };
@@ -109,6 +109,15 @@ export class Session extends EventTarget {
     super();
     this.score = new Score(this.problems, settings);
     this.library = new Library(extractor, () => this.#release());
+  }
+
+  /**
+   * Makes changes wait for something that they need.
+   * @param {Promise<void>} needed
+   */
+  hold(needed) {
+    const settled = needed.catch((error) => this.problems.fail("views", error));
+    this.#queue = this.#queue.then(() => settled);
   }
 
   // Files

@@ -220,6 +220,10 @@ test("an evaluation can be asked for more, drawn, written and read again", async
 
   assert.match(tracklens.evaluationPage(evaluation), /^<!DOCTYPE html>/);
   assert.match(tracklens.evaluationCsv(evaluation), /^object,tracked,error/);
+  const lines = tracklens.evaluationText(evaluation).trimEnd().split("\n");
+  assert.equal(lines.length, 3);
+  assert.match(lines[0], /^Tracking capability .* of 3 objects tracked; cube e = .* \(threshold 0\.015\)/);
+  assert.match(tracklens.evaluationTex(evaluation), /^\\begin\{table\}[^]*\\toprule[^]*cube/);
   const matrix = tracklens.matrixFigure(evaluation, Int32Array.of(1, -1, -1), undefined, 600);
   assert.match(matrix.svg, /^<svg/);
   assert.deepEqual([matrix.x, matrix.y], [[0, 4], [3, 0]]);

@@ -50,6 +50,8 @@ export class RunsComparison extends EventTarget {
    * @type {Compared | null}
    */
   compared = null;
+  /** The detectors that are scored here, and saved evaluations. @type {Detector[]} */
+  detectors = [];
   /** In what the saved evaluations differ. @type {string[]} */
   doubts = [];
   /** Why nothing is compared. */
@@ -202,6 +204,7 @@ export class RunsComparison extends EventTarget {
 
   async #compare() {
     const detectors = this.#detectors();
+    this.detectors = detectors;
     // What is dropped on the example is compared with it: it is small.
     const isNew = this.pending.some((entry) => extractionOf(entry)?.status === "idle");
     if (this.#session.origin && this.#session.score.scoring && isNew) void this.extract();
@@ -302,7 +305,7 @@ export class RunsComparison extends EventTarget {
       const content = contentOf(entry);
       const architecture =
         content?.kind === "checkpoint" ? content.encoder.info.architecture : undefined;
-      if (evaluation) detectors.push({ name: entry.path, evaluation, architecture });
+      if (evaluation) detectors.push({ name: entry.path, evaluation, architecture, entry });
       else this.unscored.push({ name: entry.path, reason });
     }
     for (const { path, evaluation } of saved) detectors.push({ name: path, evaluation });

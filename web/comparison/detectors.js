@@ -11,8 +11,8 @@ import { count, significant } from "../ui/format.js";
  * @typedef {import("../files/entry.js").Entry} Entry
  * @typedef {import("../pkg/index.js").Evaluation} Evaluation
  *
- * One that is scored.
- * @typedef {{ name: string, evaluation: Evaluation, architecture?: string }} Detector
+ * One that is scored; `entry` is its file, when its keypoints are here.
+ * @typedef {{ name: string, evaluation: Evaluation, architecture?: string, entry?: Entry }} Detector
  */
 
 /**
@@ -36,10 +36,8 @@ export function scoreDetector(session, entry) {
   /** @type {{ free(): void }[]} */
   const made = [];
   try {
-    const table = tableOf(session, entry, made);
-    if (!table || !truth) throw new Error("no frame has keypoints");
-    const scoring = new Scoring(truth, table);
-    made.push(scoring);
+    const scoring = truth && openDetector(session, entry, made)?.scoring;
+    if (!scoring) throw new Error("no frame has keypoints");
     const { transform, rank, thresholds } = score.options;
     const known = [...thresholds].filter(([name]) => scoring.objects.includes(name));
     const options = { transform, rank, thresholds: Object.fromEntries(known) };
@@ -49,6 +47,21 @@ export function scoreDetector(session, entry) {
   } finally {
     for (const each of made) each.free();
   }
+}
+
+/**
+ * A detector joined with the ground truth; `null` while it has no keypoints.
+ * @param {Session} session
+ * @param {Entry} entry
+ * @param {{ free(): void }[]} made gets what is to be given back
+ */
+export function openDetector(session, entry, made) {
+  const table = tableOf(session, entry, made);
+  if (!table || !session.truth) return null;
+  const scoring = new Scoring(session.truth, table);
+  made.push(scoring);
+  const content = contentOf(entry);
+  return { scoring, encoder: content?.kind === "checkpoint" ? content.encoder : null };
 }
 
 /**

@@ -3,10 +3,11 @@
 
 import { announce, byId, fill, h, icon, notice } from "../ui/dom.js";
 import { save } from "../ui/download.js";
-import { baseName, count, duration, integer } from "../ui/format.js";
+import { baseName, count, duration, fixed, integer, significant } from "../ui/format.js";
 import { toPng } from "../ui/png.js";
 import { scrollRegion } from "../ui/scroll-region.js";
 import { setAvailable } from "../ui/tabs.js";
+import { inStepView } from "./in-step.js";
 import { tableView } from "./tables.js";
 
 /**
@@ -17,12 +18,19 @@ import { tableView } from "./tables.js";
  * @typedef {import("../pkg/index.js").RunsReport} RunsReport
  */
 
-/** @param {RunsComparison} comparison */
-export function showComparison(comparison) {
+/** Objects that get a column. */
+const LISTED_OBJECTS = 8;
+
+/**
+ * @param {import("../session.js").Session} session
+ * @param {RunsComparison} comparison
+ */
+export function showComparison(session, comparison) {
   const place = byId("comparison");
   let told = "";
   /** By what the table of runs is sorted. */
   const order = { column: 0, down: false };
+  const inStep = inStepView(session, comparison);
 
   const rebuild = () => {
     const { dataSets, unread, unscored, pending, reading, error } = comparison;
@@ -64,9 +72,12 @@ export function showComparison(comparison) {
         set && settings(comparison),
         ...notices(comparison, set, report),
       ),
+      inStep.element,
+      detectorsView(comparison.detectors),
       ...(comparison.compared ? compared(comparison.compared, order) : []),
       dropped(comparison, set),
     );
+    inStep.update();
     if (focused) document.getElementById(focused)?.focus();
     if (summary !== told) announce(`${summary}.`);
     told = summary;
@@ -80,6 +91,50 @@ export function showComparison(comparison) {
       line.textContent = `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}`;
     else if (reading) rebuild();
   });
+}
+
+/**
+ * The detectors with their errors, fitted and held out.
+ * @param {import("./detectors.js").Detector[]} detectors
+ */
+function detectorsView(detectors) {
+  if (detectors.length < 2) return null;
+  const objects = [
+    ...new Set(detectors.flatMap(({ evaluation }) => evaluation.objects.map(({ name }) => name))),
+  ].slice(0, LISTED_OBJECTS);
+  const head = ["detector", "TC", "held out", ...objects];
+  const cell = (/** @type {number | null | undefined} */ fitted, /** @type {typeof fitted} */ beside) =>
+    h("td", {}, significant(fitted), h("small", {}, ` ${significant(beside)}`));
+  const rows = detectors.map(({ name, evaluation }) => {
+    const { tc, held_out: heldOut } = evaluation;
+    const beside = tc === null ? null : heldOut?.tc;
+    return h(
+      "tr",
+      { data: { detector: name } },
+      h("th", { scope: "row", class: "text" }, baseName(name)),
+      h("td", {}, tc === null ? "unknown" : fixed(tc)),
+      h("td", {}, beside === null || beside === undefined ? "–" : fixed(beside)),
+      ...objects.map((object) =>
+        cell(
+          evaluation.objects.find((own) => own.name === object)?.error,
+          heldOut?.objects.find((own) => own.name === object)?.error,
+        ),
+      ),
+    );
+  });
+  const table = h(
+    "table",
+    { id: "detector-table", class: "runs-table" },
+    h("thead", {}, h("tr", {}, ...head.map((label) => h("th", { scope: "col" }, label)))),
+    h("tbody", {}, ...rows),
+  );
+  return h(
+    "div",
+    { class: "panel" },
+    h("h3", {}, "Detectors"),
+    h("p", { class: "hint-line" }, "Errors on the frames fitted on; small: on held-out sequences."),
+    scrollRegion(h("div", { class: "table-scroll" }, table), "Detectors"),
+  );
 }
 
 /** @param {RunsComparison} comparison */

@@ -38,8 +38,12 @@ export function card(session, object) {
     "li",
     { class: "card", data: { object: name } },
     h("div", { class: "card-row" }, title, verdict, ...numbers.elements, threshold?.element),
-    gauge.element,
-    h("details", { class: "card-more" }, more, interval, facts, mapDetails),
+    h(
+      "div",
+      { class: "card-foot" },
+      gauge.element,
+      h("details", { class: "card-more" }, more, interval, facts, mapDetails),
+    ),
   );
 
   const update = () => {
@@ -53,7 +57,7 @@ export function card(session, object) {
       heldOut: String(heldOut?.error ?? ""),
       selected: String(isSelected),
     });
-    showVerdict(verdict, shown, result);
+    showVerdict(verdict, shown, result, isJudged(evaluation, object));
     numbers.update();
     const known = intervalOf(session, object);
     interval.hidden = !known || heldOut !== undefined;
@@ -105,15 +109,27 @@ function titleView(session, object, name) {
 }
 
 /**
+ * Whether the frames are enough to tell whether an object is tracked.
+ * @param {import("../pkg/index.js").Evaluation} evaluation
+ * @param {number} object
+ */
+export function isJudged(evaluation, object) {
+  return evaluation.sufficiency?.[object]?.known ?? true;
+}
+
+/**
  * @param {HTMLElement} verdict
  * @param {{ error: number | null, tracked: boolean }} shown
  * @param {ObjectEvaluation} result
+ * @param {boolean} isKnown whether the frames are enough to tell tracking from chance
  */
-function showVerdict(verdict, shown, result) {
-  const isSeen = shown.error !== null;
+function showVerdict(verdict, shown, result, isKnown) {
+  const isSeen = shown.error !== null && isKnown;
+  const notScored = isKnown ? "Not scored" : "Too few frames";
+  const unseen = result.error === null ? "Never visible" : notScored;
   verdict.dataset.tracked = isSeen ? String(shown.tracked) : "none";
   const [symbol, text] = !isSeen
-    ? ["icon-none", result.error === null ? "Never visible" : "Not scored"]
+    ? ["icon-none", unseen]
     : shown.tracked
       ? ["icon-check", "Tracked"]
       : ["icon-cross", "Not tracked"];
@@ -294,7 +310,7 @@ function thresholdField(session, object) {
   const element = h(
     "div",
     { class: "threshold" },
-    h("label", { for: id }, "Threshold μ"),
+    h("label", { for: id }, h("span", { class: "visually-hidden" }, "Threshold "), "μ"),
     h("span", { class: "threshold-input" }, input, button),
     hint,
   );

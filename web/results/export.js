@@ -1,17 +1,20 @@
 // @ts-check
 /** Export of the results: files, and the command that repeats them. */
 
-import init, { evaluationCsv, evaluationPage } from "../pkg/index.js";
-import { announce, h, icon } from "../ui/dom.js";
+import init, {
+  evaluationCsv,
+  evaluationPage,
+  evaluationTex,
+  evaluationText,
+} from "../pkg/index.js";
+import { copyButton } from "../ui/copy.js";
+import { h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
  * @typedef {import("../pkg/index.js").Evaluation} Evaluation
  */
-
-/** How long the button says that it has copied. */
-const COPIED_MS = 2000;
 
 /** @param {Session} session */
 export function exportView(session) {
@@ -25,69 +28,106 @@ export function exportView(session) {
     const evaluation = session.score.completeEvaluation();
     if (evaluation) write(evaluation);
   };
-  const command = h("code", { id: "command" });
-  const copied = h("span", {}, "Copy");
-  const copy = h(
-    "button",
-    {
-      type: "button",
-      class: "button",
-      id: "copy-command",
-      onclick: async () => {
-        try {
-          await navigator.clipboard.writeText(command.textContent ?? "");
-          copied.textContent = "Copied";
-          announce("The command was copied.");
-          setTimeout(() => (copied.textContent = "Copy"), COPIED_MS);
-        } catch {
-          // Without leave to write to the clipboard, the text is ready to be copied by hand.
-          getSelection()?.selectAllChildren(command);
-        }
-      },
-    },
-    copied,
+  const downloads = [
+    item(
+      "save-report",
+      "Report (HTML)",
+      complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation))),
+    ),
+    item(
+      "save-evaluation",
+      "Evaluation (JSON)",
+      complete((evaluation) =>
+        save("evaluation.json", "application/json", `${JSON.stringify(evaluation, null, 2)}\n`),
+      ),
+    ),
+    item(
+      "save-table",
+      "Table (CSV)",
+      complete((evaluation) => save("evaluation.csv", "text/csv", evaluationCsv(evaluation))),
+    ),
+    session.table &&
+      item("save-keypoints", "Keypoints (CSV)", () =>
+        save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
+      ),
+  ];
+  const repeat = repeatView(session);
+  const element = h(
+    "section",
+    { class: "panel taking", "aria-labelledby": "taking-title" },
+    h("h3", { id: "taking-title" }, "Export"),
+    h("div", { class: "downloads" }, ...downloads),
+    h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
+    paperView(session),
+    linkView(),
+    repeat.element,
   );
-  const repeat = h(
+  return { element, update: repeat.update };
+}
+
+/**
+ * The score for a paper, as text and as LaTeX.
+ * @param {Session} session
+ */
+function paperView(session) {
+  const text = h("pre", { id: "paper", tabIndex: 0, hidden: true, "aria-label": "For a paper" });
+  const button = (
+    /** @type {string} */ id,
+    /** @type {string} */ label,
+    /** @type {(evaluation: Evaluation) => string} */ write,
+  ) =>
+    copyButton(id, label, text, async () => {
+      await init(["figures"]);
+      const evaluation = session.score.completeEvaluation();
+      text.textContent = evaluation ? write(evaluation) : "";
+      text.hidden = evaluation === null;
+    });
+  return h(
+    "div",
+    { class: "repeat" },
+    h("h4", {}, "Copy for a paper"),
+    h(
+      "div",
+      { class: "downloads" },
+      button("copy-text", "Three lines of text", evaluationText),
+      button("copy-tex", "Table in LaTeX", evaluationTex),
+    ),
+    h("div", { class: "command" }, text),
+  );
+}
+
+/** A link with the settings; what was dropped is not in it. */
+function linkView() {
+  const link = h("pre", { id: "link", tabIndex: 0, hidden: true, "aria-label": "Link" });
+  const copy = copyButton("copy-link", "Link with these settings", link, async () => {
+    link.textContent = location.href;
+    link.hidden = false;
+  });
+  return h(
+    "div",
+    { class: "repeat" },
+    h("h4", {}, "Share"),
+    h("div", { class: "downloads" }, copy),
+    h("div", { class: "command" }, link),
+  );
+}
+
+/**
+ * The command of the terminal that repeats the score.
+ * @param {Session} session
+ */
+function repeatView(session) {
+  const command = h("code", { id: "command" });
+  const copy = copyButton("copy-command", "Copy", command, async () => {});
+  const element = h(
     "div",
     { class: "repeat" },
     h("h4", {}, "The same in the terminal"),
     h("div", { class: "command" }, h("pre", { tabIndex: 0 }, command), copy),
   );
-  const element = h(
-    "section",
-    { class: "panel taking", "aria-labelledby": "taking-title" },
-    h("h3", { id: "taking-title" }, "Export"),
-    h(
-      "div",
-      { class: "downloads" },
-      item(
-        "save-report",
-        "Report (HTML)",
-        complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation))),
-      ),
-      item(
-        "save-evaluation",
-        "Evaluation (JSON)",
-        complete((evaluation) =>
-          save("evaluation.json", "application/json", `${JSON.stringify(evaluation, null, 2)}\n`),
-        ),
-      ),
-      item(
-        "save-table",
-        "Table (CSV)",
-        complete((evaluation) => save("evaluation.csv", "text/csv", evaluationCsv(evaluation))),
-      ),
-      session.table &&
-        item("save-keypoints", "Keypoints (CSV)", () =>
-          save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
-        ),
-    ),
-    h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
-    repeat,
-  );
   const update = () => {
     command.textContent = session.score.command();
-    repeat.hidden = command.textContent === "";
+    element.hidden = command.textContent === "";
   };
   return { element, update };
 }

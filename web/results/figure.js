@@ -8,6 +8,7 @@ import init from "../pkg/index.js";
 import { fill, h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
 import { toPng } from "../ui/png.js";
+import { onResized } from "../ui/resized.js";
 import { scrollRegion } from "../ui/scroll-region.js";
 
 /**
@@ -77,9 +78,9 @@ export function figureView({ id, label, draw, drawn }) {
     tip.hidden = true;
     drawn?.(current, layer);
   };
-  new ResizeObserver(() => {
+  onResized(scroll, () => {
     if (scroll.clientWidth !== width) void update();
-  }).observe(scroll);
+  });
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => void update());
 
   /**

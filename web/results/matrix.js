@@ -8,21 +8,57 @@ import { matrixFigure } from "../pkg/index.js";
 import { byId, fill, h } from "../ui/dom.js";
 import { significant } from "../ui/format.js";
 import { figureView } from "./figure.js";
+import { largeMatrix } from "./large-matrix.js";
 
 /** @typedef {import("../session.js").Session} Session */
 
 /** @type {Record<string, [number, number]>} */
 const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
+/** A figure with more columns or rows is drawn where it is in sight. */
+const MOST = { keypoints: 256, objects: 48 };
+
 /** @param {Session} session */
 export function matrixView(session) {
   const { score } = session;
+  const errors = score.evaluation?.errors ?? [];
+  const isLarge = errors.length > MOST.objects || (errors[0]?.length ?? 0) > MOST.keypoints;
   const note = h("p", { class: "hint-line" });
   const reset = h(
     "button",
     { type: "button", class: "button", id: "choose-best", onclick: () => score.chooseBest() },
     "Back to the best keypoints",
   );
+  const cells = isLarge ? largeView(session) : figureOf(session);
+  const title = h("h3", { id: "matrix-title" }, "Every keypoint for every object");
+  const element = h(
+    "section",
+    { class: "panel", "aria-labelledby": "matrix-title" },
+    h("div", { class: "panel-head" }, title, reset),
+    note,
+    cells.element,
+  );
+  const update = () => {
+    const chosen = score.objects.filter((_, object) => score.isChosen(object));
+    reset.hidden = chosen.length === 0;
+    note.textContent = chosen.length === 0 ? legendText(session) : chosenText(session, chosen);
+    cells.update();
+  };
+  return { element, update };
+}
+
+/** @param {Session} session */
+function largeView(session) {
+  return largeMatrix(
+    session,
+    ({ object, keypoint }) => describe(session, object, keypoint),
+    ({ object, keypoint }) => choose(session, object, keypoint),
+  );
+}
+
+/** @param {Session} session */
+function figureOf(session) {
+  const { score } = session;
   const grid = new Grid(session);
   const figure = figureView({
     id: "errors",
@@ -39,21 +75,7 @@ export function matrixView(session) {
   });
   showTips(session, figure, grid);
   grid.listen(figure.layer);
-  const title = h("h3", { id: "matrix-title" }, "Every keypoint for every object");
-  const element = h(
-    "section",
-    { class: "panel", "aria-labelledby": "matrix-title" },
-    h("div", { class: "panel-head" }, title, reset),
-    note,
-    figure.element,
-  );
-  const update = () => {
-    const chosen = score.objects.filter((_, object) => score.isChosen(object));
-    reset.hidden = chosen.length === 0;
-    note.textContent = chosen.length === 0 ? legendText(session) : chosenText(session, chosen);
-    figure.update();
-  };
-  return { element, update };
+  return { element: figure.element, update: figure.update };
 }
 
 /** @param {Session} session */
@@ -183,15 +205,23 @@ class Grid {
 
   /** @param {HTMLElement} cell */
   #choose(cell) {
-    const { score } = this.#session;
-    const { object, keypoint } = positionOf(cell);
-    this.#at = { object, keypoint };
-    const best = score.evaluation?.objects[object].best_keypoint;
-    // Of a saved evaluation there is nothing else to show with another keypoint.
-    if (best === null || best === undefined || !score.scoring) return;
-    score.choose(object, keypoint === best ? null : keypoint);
-    byId("stage").scrollIntoView({ block: "nearest" });
+    this.#at = positionOf(cell);
+    choose(this.#session, this.#at.object, this.#at.keypoint);
   }
+}
+
+/**
+ * Shows an object with a keypoint.
+ * @param {Session} session
+ * @param {number} object
+ * @param {number} keypoint
+ */
+function choose({ score }, object, keypoint) {
+  const best = score.evaluation?.objects[object].best_keypoint;
+  // Of a saved evaluation there is nothing else to show with another keypoint.
+  if (best === null || best === undefined || !score.scoring) return;
+  score.choose(object, keypoint === best ? null : keypoint);
+  byId("stage").scrollIntoView({ block: "nearest" });
 }
 
 /**

@@ -10,6 +10,7 @@ import { card } from "./cards.js";
 import { contextView } from "./context.js";
 import { exportView } from "./export.js";
 import { matrixView } from "./matrix.js";
+import { objectTable } from "./object-table.js";
 import { sequencesView } from "./sequences.js";
 import { setAvailable } from "../ui/tabs.js";
 import { summaryView, tally, tcText } from "./summary.js";
@@ -19,6 +20,9 @@ import { trajectoriesView } from "../viewer/trajectories.js";
  * @typedef {import("../session.js").Session} Session
  * @typedef {{ element: HTMLElement, update: () => void }} View
  */
+
+/** More objects than these are shown in a table. */
+const MOST_CARDS = 6;
 
 /** The panels of the tabs that are filled here. */
 const TABS = [
@@ -57,7 +61,7 @@ export function showResults(session) {
       return;
     }
     const summary = summaryView(session);
-    cards = session.score.evaluation.objects.map((_, object) => card(session, object));
+    cards = objectViews(session);
     matrix = matrixView(session);
     const capability = capabilityView(session);
     sequences = sequencesView(session);
@@ -66,8 +70,8 @@ export function showResults(session) {
     const taking = exportView(session);
     const tabs = [matrix, trajectories, capability, sequences, context, taking];
     views = [summary, ...cards, ...tabs.filter((view) => view !== null)];
-    const list = h("ul", { class: "cards" }, ...cards.map(({ element }) => element));
-    fill(place, summary.element, h("div", { class: "objects panel" }, list, summary.warnings));
+    const lists = cards.map(({ element }) => element);
+    fill(place, summary.element, h("div", { class: "objects panel" }, ...lists, summary.warnings));
     fillTabs([
       [matrix.element],
       trajectories ? [trajectories.element] : [],
@@ -108,6 +112,32 @@ export function showResults(session) {
   session.score.addEventListener("choice", () => {
     if (views.length > 0) matrix?.update();
   });
+}
+
+/**
+ * A card an object; of many objects a table, and the card of the one on display.
+ * @param {Session} session
+ * @returns {View[]}
+ */
+function objectViews(session) {
+  const { objects } = session.score.evaluation ?? { objects: [] };
+  const list = h("ul", { class: "cards" });
+  if (objects.length <= MOST_CARDS) {
+    const cards = objects.map((_, object) => card(session, object));
+    fill(list, ...cards.map(({ element }) => element));
+    return [{ element: list, update: () => cards.forEach(({ update }) => update()) }];
+  }
+  /** @type {{ object: number, view: View } | null} */
+  let shown = null;
+  const update = () => {
+    const { object } = session.score.selection;
+    if (shown?.object !== object) {
+      shown = { object, view: card(session, object) };
+      fill(list, shown.view.element);
+    }
+    shown.view.update();
+  };
+  return [objectTable(session), { element: list, update }];
 }
 
 /** @param {HTMLElement[][]} elements of the tabs; one without any is not there */

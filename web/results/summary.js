@@ -24,6 +24,8 @@ const RANKS = [
 
 const FOLDS = [2, 3, 5, 10];
 
+const LISTED_WARNINGS = 2;
+
 const FITTED = "Fitted on the same frames";
 
 const WHAT =
@@ -53,24 +55,26 @@ export function summaryView(session) {
     if (!evaluation) return;
     numbers.update();
     protocol.textContent = describeProtocol(session, evaluation);
-    fill(warnings, ...evaluation.warnings.map((text) => notice("warning", text)));
+    fill(warnings, ...warningsView(evaluation.warnings));
   };
   const { scoring } = session.score;
+  const what = h(
+    "details",
+    { class: "what" },
+    h("summary", {}, "What is this?"),
+    h("p", { class: "protocol" }, WHAT),
+    protocol,
+  );
   const element = h(
     "div",
     { class: "panel score" },
     h("div", { class: "tc" }, ...numbers.elements),
-    scoring && h("div", { class: "settings" }, transformSwitch(session), protocolSelect(session)),
+    what,
     h(
       "div",
       { class: "score-more" },
-      h(
-        "details",
-        { class: "what" },
-        h("summary", {}, "What is this?"),
-        h("p", { class: "protocol" }, WHAT),
-        protocol,
-      ),
+      scoring && transformSwitch(session),
+      scoring && protocolSelect(session),
       scoring &&
         h(
           "details",
@@ -80,9 +84,21 @@ export function summaryView(session) {
         ),
     ),
     savedNotice(session),
-    session.origin?.note && notice("info", session.origin.note, { class: "origin" }),
+    session.origin?.note && h("p", { class: "origin hint-line", title: session.origin.note }, session.origin.note),
   );
   return { element, warnings, update };
+}
+
+/** @param {string[]} texts */
+function warningsView(texts) {
+  const notices = texts.map((text) => notice("warning", text));
+  const more = notices.length - LISTED_WARNINGS;
+  if (more <= 1) return notices;
+  const summary = h("summary", {}, count(more, "more warning"));
+  return [
+    ...notices.slice(0, LISTED_WARNINGS),
+    h("details", {}, summary, ...notices.slice(LISTED_WARNINGS)),
+  ];
 }
 
 /**
@@ -95,13 +111,13 @@ function numbersView({ score }) {
   const [label, colon, beside, known] = spans("tc-label", "visually-hidden", "tc-beside", "tc-known");
   const share = h("p", { class: "tc-share" });
   const first = h("p", { class: "tc-number" }, firstLabel, value);
-  const second = h("p", { class: "tc-number", id: "tc-interval" }, label, colon, beside, known);
+  const other = h("p", { class: "tc-number", id: "tc-interval" }, label, colon, beside, known);
 
   const update = () => {
     const { evaluation, intervals } = score;
     if (!evaluation) return;
     const shown = score.shownHeldOut;
-    const tc = shown?.tc ?? evaluation.tc;
+    const tc = evaluation.tc === null ? null : (shown?.tc ?? evaluation.tc);
     const heldOut = evaluation.held_out;
     const labels = [FITTED, `On held-out sequences (${heldOut?.folds} folds)`];
     value.textContent = tcText(tc);
@@ -110,18 +126,23 @@ function numbersView({ score }) {
     for (const each of [label, colon, beside]) each.hidden = !heldOut;
     label.textContent = heldOut ? labels[shown ? 0 : 1] : "";
     colon.textContent = heldOut ? ": " : "";
-    beside.textContent = heldOut ? tcText(shown ? evaluation.tc : heldOut.tc) : "";
-    share.textContent = tally(shown?.objects ?? evaluation.objects);
+    const isKnown = evaluation.tc !== null;
+    const second = shown ? evaluation.tc : isKnown ? (heldOut?.tc ?? null) : null;
+    beside.textContent = heldOut ? tcText(second) : "";
+    share.textContent = isKnown
+      ? tally(shown?.objects ?? evaluation.objects)
+      : "too few frames to tell tracking from chance";
     const ends = (intervals ?? evaluation.intervals)?.tc.map((end) => fixed(end)).join(" – ");
     const drawing = score.resampling.intervals && !ends ? "Drawing the 95 % interval …" : "";
     // The resamples are fitted and scored on the same frames, so their intervals are not those of
     // held-out errors.
     const which = shown || !heldOut ? "" : " of the fitted one";
     fill(known, ends ? `${shown ? ", " : ""}95 % interval${which} ${ends}` : drawing);
-    second.hidden = second.textContent === "";
+    other.hidden = other.textContent === "";
   };
   const title = h("h2", { id: "results-title" }, "Tracking capability");
-  return { elements: [title, h("div", { class: "tc-numbers" }, first, second), share], update };
+  const head = h("div", { class: "tc-head" }, title, share);
+  return { elements: [head, h("div", { class: "tc-numbers" }, first, other)], update };
 }
 
 /**
@@ -175,7 +196,7 @@ function transformSwitch(session) {
   return h(
     "fieldset",
     { class: "switch", id: "transform" },
-    h("legend", {}, "Map from keypoint to object"),
+    h("legend", { class: "visually-hidden" }, "Map from keypoint to object"),
     h(
       "div",
       { class: "switch-options" },
@@ -244,7 +265,7 @@ function protocolSelect(session) {
     most < 2
       ? "Holding sequences out takes at least two of them"
       : "The authors’ code scores the frames that the map is fitted on";
-  return h("label", { class: "field", title }, h("span", {}, "Scored on"), select);
+  return h("label", { class: "field", title }, h("span", {}, "on"), select);
 }
 
 /** @param {Session} session */

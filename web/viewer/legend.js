@@ -57,7 +57,7 @@ export function legend(session, look, onChange) {
       ["keypoint", keypoint === null ? "keypoint" : `keypoint ${keypoint}`],
       [
         "transformed",
-        keypoint === null ? "under the fitted map" : `keypoint ${keypoint} under the fitted map`,
+        keypoint === null ? "mapped" : `keypoint ${keypoint}, mapped`,
       ],
     ];
     for (const [layer, name] of names) {

@@ -22,7 +22,7 @@ export const TRAILS = [
 export const LAYERS = [
   ["truth", "ground truth"],
   ["keypoint", "keypoint"],
-  ["transformed", "under the fitted map"],
+  ["transformed", "mapped"],
   ["keypoints", "all keypoints"],
   ["trails", "trails"],
   ["heat", "heat map"],

@@ -9,6 +9,7 @@ import init, { drawLines, linesToSvg } from "../pkg/index.js";
 import { fill, h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
 import { significant } from "../ui/format.js";
+import { TimeWindow } from "./time-window.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -18,18 +19,22 @@ import { significant } from "../ui/format.js";
  * @typedef {Record<"truth" | "keypoint" | "transformed" | "error" | "foreground" | "background" |
  * "grid", string>} Colors
  *
- * A figure with the positions of the frames on its axis.
- * @typedef {{ figure: LineFigure, at: number[], marks: (keyof Colors)[] }} Plot
+ * A figure with the positions of the frames on the axis, and the first position that it shows.
+ * @typedef {{ figure: LineFigure, at: number[], from: number, marks: (keyof Colors)[] }} Plot
  */
 
 /** @type {Quantity[]} */
 const QUANTITIES = ["x", "y", "error"];
 /** In CSS pixels; the smaller one where a plot is narrow. */
-const FONT_SIZE = { usual: 12, narrow: 10 };
-const NARROW = 340;
+const FONT_SIZE = { usual: 11, narrow: 10 };
+const NARROW = 400;
 const SAVED = { width: 720, height: 320, fontSize: 14, pixels: 3 };
 /** Frame numbers further apart than this many times their count are drawn one after the other. */
 const MAX_STRETCH = 20;
+/** A longer axis can be zoomed. */
+const LEAST_TO_ZOOM = 5;
+/** What a press of a button or a turn of the wheel zooms the time axis by. */
+const ZOOM = 1.5;
 
 /** For print, whatever the scheme of the page. @type {Colors} */
 const PRINT = {
@@ -44,7 +49,14 @@ const PRINT = {
 
 /** @param {Session} session */
 export function plots(session) {
-  const views = QUANTITIES.map((quantity) => plotView(session, quantity));
+  const time = new TimeWindow();
+  let sequence = "";
+  const changed = () => {
+    all.disabled = !time.isZoomed;
+    schedule();
+  };
+  const views = QUANTITIES.map((quantity) => plotView(session, quantity, time, changed));
+  const { buttons, all } = zoomButtons(session, time, changed);
   let scheduled = false;
   let drawn = "";
   const pair = () => {
@@ -57,6 +69,12 @@ export function plots(session) {
     scheduled = false;
     if (!session.score.shown?.scoring) return;
     drawn = pair();
+    const axis = axisOnDisplay(session);
+    const shown = JSON.stringify(session.score.sequenceOf(session.score.selection.frame));
+    if (shown !== sequence || axis.length !== time.length) time.reset(axis.length);
+    sequence = shown;
+    buttons.hidden = axis.length <= LEAST_TO_ZOOM;
+    all.disabled = !time.isZoomed;
     try {
       // Loaded when there is something to draw.
       await init(["figures"]);
@@ -75,7 +93,7 @@ export function plots(session) {
   };
   // While frames go by only the cursor moves.
   const follow = () => {
-    if (pair() !== drawn) schedule();
+    if (pair() !== drawn || time.follow(axisOnDisplay(session).position)) schedule();
     for (const view of views) view.moveCursor();
   };
   session.score.addEventListener("selection", follow);
@@ -85,14 +103,58 @@ export function plots(session) {
   const resized = new ResizeObserver(schedule);
   for (const { canvas } of views) resized.observe(canvas);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", schedule);
-  return views.map(({ element }) => element);
+  return { elements: views.map(({ element }) => element), zoom: buttons };
+}
+
+/**
+ * Buttons that zoom the time axis.
+ * @param {Session} session
+ * @param {TimeWindow} time
+ * @param {() => void} changed
+ */
+function zoomButtons(session, time, changed) {
+  const button = (
+    /** @type {string} */ symbol,
+    /** @type {string} */ label,
+    /** @type {() => void} */ change,
+  ) => {
+    const names = { "aria-label": label, title: label };
+    const onclick = () => {
+      change();
+      changed();
+    };
+    return h("button", { type: "button", class: "button round", ...names, onclick }, icon(symbol));
+  };
+  const at = () => axisOnDisplay(session).position;
+  const all = button("icon-fit", "All of the sequence", () => time.reset(time.length));
+  const buttons = h(
+    "div",
+    { class: "zoom", role: "group", "aria-label": "Zoom of the time axis", id: "zoom-time" },
+    button("icon-none", "Zoom out in time", () => time.zoom(1 / ZOOM, at())),
+    button("icon-plus", "Zoom in on this frame in time", () => time.zoom(ZOOM, at())),
+    all,
+  );
+  return { buttons, all: /** @type {HTMLButtonElement} */ (all) };
+}
+
+/**
+ * The length of the axis of the sequence on display, and where the frame on display is on it.
+ * @param {Session} session
+ */
+function axisOnDisplay({ score }) {
+  const range = score.sequenceOf(score.selection.frame);
+  if (!range) return { length: 1, position: 0 };
+  const { at } = axisOf(score.frameNumbers.subarray(range.start, range.start + range.length));
+  return { length: at[at.length - 1] + 1, position: at[score.selection.frame - range.start] };
 }
 
 /**
  * @param {Session} session
  * @param {Quantity} quantity
+ * @param {TimeWindow} time
+ * @param {() => void} onTime another part of the time axis is asked for
  */
-function plotView(session, quantity) {
+function plotView(session, quantity, time, onTime) {
   const canvas = h("canvas", { class: "plot", role: "img", data: { quantity } });
   const cursor = h("div", { class: "plot-cursor", "aria-hidden": "true" });
   const tooltip = h("div", { class: "plot-tooltip", "aria-hidden": "true", hidden: true });
@@ -108,14 +170,13 @@ function plotView(session, quantity) {
         id: `save-plot-${quantity}-${format}`,
         onclick: () => void savePlot(session, quantity, format),
       },
-      icon("icon-download"),
       format.toUpperCase(),
       h("span", { class: "visually-hidden" }, ` of ${quantity} over the frames`),
     ),
   );
   const element = h(
     "figure",
-    { class: "plot-figure" },
+    { class: "plot-figure", data: { quantity } },
     h("figcaption", {}, title, readout, ...saved),
     surface,
   );
@@ -131,7 +192,7 @@ function plotView(session, quantity) {
     if (clientWidth === 0 || clientHeight === 0) return;
     const scale = window.devicePixelRatio;
     const fontSize = clientWidth < NARROW ? FONT_SIZE.narrow : FONT_SIZE.usual;
-    const plot = describe(session, quantity, colors, Math.round(fontSize * scale));
+    const plot = describe(session, quantity, colors, Math.round(fontSize * scale), time);
     const [width, height] = [clientWidth, clientHeight].map((side) => Math.round(side * scale));
     if (canvas.width !== width || canvas.height !== height)
       Object.assign(canvas, { width, height });
@@ -142,7 +203,7 @@ function plotView(session, quantity) {
       moveCursor();
       return;
     }
-    const area = drawLines(canvas, { ...plot.figure, title: "", cursor: null });
+    const area = drawLines(canvas, bare(plot.figure));
     shown = { plot, area, scale };
     title.textContent = plot.figure.title;
     canvas.dataset.points = String(plot.figure.series[0].values.length);
@@ -155,7 +216,8 @@ function plotView(session, quantity) {
   const moveCursor = () => {
     const sequence = session.score.sequenceOf(session.score.selection.frame);
     const index = session.score.selection.frame - (sequence?.start ?? 0);
-    cursor.hidden = !shown || index >= shown.plot.at.length;
+    const isShown = (/** @type {number} */ position) => position >= time.from && position <= time.to;
+    cursor.hidden = !shown || index >= shown.plot.at.length || !isShown(shown.plot.at[index]);
     fill(readout);
     if (!shown || cursor.hidden) return;
     const { plot, area, scale } = shown;
@@ -164,21 +226,20 @@ function plotView(session, quantity) {
     cursor.style.top = `${area.top / scale}px`;
     cursor.style.height = `${(area.bottom - area.top) / scale}px`;
     canvas.dataset.cursor = String(x);
-    const [truth, other] = valuesAt(plot, plot.at[index]);
-    const values = quantity === "error" || !other ? [truth] : [truth, other];
-    fill(readout, ...values.map(valueView));
+    const values = valuesAt(plot, plot.at[index]);
+    fill(readout, ...(quantity === "error" ? values.slice(0, 1) : values).map(valueView));
   };
 
   /**
    * The index in the sequence of the frame nearest to a pointer.
-   * @param {PointerEvent} event
+   * @param {MouseEvent} event
    */
   const frameAt = (event) => {
     if (!shown) return null;
     const { plot, area, scale } = shown;
     const column = (event.clientX - canvas.getBoundingClientRect().left) * scale;
-    const position =
-      ((column - area.left) / Math.max(area.right - area.left, 1)) * (area.end - area.start);
+    const share = (column - area.left) / Math.max(area.right - area.left, 1);
+    const position = plot.from + share * (area.end - area.start);
     let nearest = 0;
     for (const [i, at] of plot.at.entries()) {
       if (Math.abs(at - position) < Math.abs(plot.at[nearest] - position)) nearest = i;
@@ -195,7 +256,7 @@ function plotView(session, quantity) {
     tooltip.hidden = index === null;
     if (index === null || !shown) return;
     const { plot } = shown;
-    const number = plot.figure.start + plot.at[index];
+    const number = plot.figure.start + plot.at[index] - plot.from;
     fill(tooltip, h("p", {}, `frame ${number}`), ...valuesAt(plot, plot.at[index]).map(valueView));
     const x = columnOf(shown, plot.at[index]);
     const left = x > canvas.clientWidth / 2;
@@ -211,18 +272,58 @@ function plotView(session, quantity) {
     if (canvas.hasPointerCapture(event.pointerId)) seek(event);
   });
   canvas.addEventListener("pointerleave", () => (tooltip.hidden = true));
+  listenToWheel(canvas, time, onTime, (event) => {
+    const index = frameAt(event);
+    return index === null || !shown ? null : shown.plot.at[index];
+  });
   /** @param {string} reason */
   const fail = (reason) => (title.textContent = reason);
   return { element, canvas, draw, moveCursor, fail };
 }
 
 /**
+ * Zooms in time by a pinch or the wheel with Ctrl, and pans by the wheel sideways.
+ * @param {HTMLElement} canvas
+ * @param {TimeWindow} time
+ * @param {() => void} onTime
+ * @param {(event: MouseEvent) => number | null} positionAt
+ */
+function listenToWheel(canvas, time, onTime, positionAt) {
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      const at = positionAt(event);
+      const sideways = event.shiftKey ? event.deltaX || event.deltaY : event.deltaX;
+      if (at === null) return;
+      if (event.ctrlKey) time.zoom(event.deltaY < 0 ? ZOOM : 1 / ZOOM, at);
+      else if (sideways !== 0 && time.isZoomed)
+        time.pan((Math.sign(sideways) * (time.to - time.from)) / 8 || Math.sign(sideways));
+      else return;
+      event.preventDefault();
+      onTime();
+    },
+    { passive: false },
+  );
+}
+
+/**
+ * A figure whose title, legend and units stand beside it.
+ * @param {LineFigure} figure
+ * @returns {LineFigure}
+ */
+function bare(figure) {
+  const series = figure.series.map((line) => ({ ...line, label: "" }));
+  return { ...figure, series, title: "", xLabel: "", yLabel: "", cursor: null };
+}
+
+/**
  * In CSS pixels from the left of the canvas.
- * @param {{ area: PlotArea, scale: number }} shown
+ * @param {{ plot: Plot, area: PlotArea, scale: number }} shown
  * @param {number} position on the axis, from its start
  */
-function columnOf({ area, scale }, position) {
-  return (area.left + (position / (area.end - area.start)) * (area.right - area.left)) / scale;
+function columnOf({ plot, area, scale }, position) {
+  const share = (position - plot.from) / (area.end - area.start);
+  return (area.left + share * (area.right - area.left)) / scale;
 }
 
 /**
@@ -230,9 +331,9 @@ function columnOf({ area, scale }, position) {
  * @param {Plot} plot
  * @param {number} position
  */
-function valuesAt({ figure, marks }, position) {
+function valuesAt({ figure, from, marks }, position) {
   return figure.series
-    .map(({ label, values }, i) => ({ label, mark: marks[i], value: values[position] }))
+    .map(({ label, values }, i) => ({ label, mark: marks[i], value: values[position - from] }))
     .reverse();
 }
 
@@ -279,9 +380,10 @@ async function savePlot(session, quantity, format) {
  * @param {Quantity} quantity
  * @param {Colors} colors
  * @param {number} fontSize
+ * @param {{ from: number, to: number }} [time] positions to show; all where it is not given
  * @returns {Plot | null}
  */
-function describe(session, quantity, colors, fontSize) {
+function describe(session, quantity, colors, fontSize, time) {
   const { judged, selection } = session.score;
   const keypoint = session.score.keypointOf(selection.object);
   const series = session.score.series(selection.object);
@@ -290,14 +392,18 @@ function describe(session, quantity, colors, fontSize) {
   const { start, at } = axisOf(
     session.score.frameNumbers.subarray(sequence.start, sequence.start + sequence.length),
   );
-  const length = at[at.length - 1] + 1;
+  const from = time?.from ?? 0;
+  const length = Math.min(time?.to ?? Infinity, at[at.length - 1]) - from + 1;
   const line = (
     /** @type {string} */ label,
     /** @type {string} */ color,
     /** @type {(frame: number) => number} */ value,
   ) => {
     const values = new Float64Array(length).fill(NaN);
-    at.forEach((position, i) => (values[position] = value(sequence.start + i)));
+    at.forEach((position, i) => {
+      const shown = position - from;
+      if (shown >= 0 && shown < length) values[shown] = value(sequence.start + i);
+    });
     return { label, color, values };
   };
   const threshold = judged?.objects[selection.object].threshold ?? NaN;
@@ -308,7 +414,7 @@ function describe(session, quantity, colors, fontSize) {
     title: isError ? "squared distance" : `${quantity} of ${objectName(session)}`,
     xLabel: "frame",
     yLabel: isError ? "e (ndc²)" : `${quantity} (ndc)`,
-    start,
+    start: start + from,
     series: isError
       ? [
           line("threshold", colors.foreground, () => threshold),
@@ -319,7 +425,7 @@ function describe(session, quantity, colors, fontSize) {
           line("truth", colors.truth, coordinate(series.truth)),
           line("transformed", colors.transformed, coordinate(series.transformed)),
         ].filter((_, i) => keypoint !== null || i === 1),
-    cursor: at[selection.frame - sequence.start],
+    cursor: at[selection.frame - sequence.start] - from,
     fromZero: isError,
     foreground: colors.foreground,
     background: colors.background,
@@ -332,7 +438,7 @@ function describe(session, quantity, colors, fontSize) {
     : keypoint === null
       ? ["truth"]
       : ["keypoint", "truth", "transformed"];
-  return { figure, at, marks };
+  return { figure, at, from, marks };
 }
 
 /**

@@ -7,6 +7,7 @@
 import { decodeImage } from "../files/image-cache.js";
 import { fill, h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
+import { onResized } from "../ui/resized.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -79,7 +80,7 @@ export function trajectoriesView(session) {
     grid,
     links,
   );
-  new ResizeObserver(() => void update()).observe(element);
+  onResized(element, () => void update());
   return { element, update: () => void update() };
 }
 

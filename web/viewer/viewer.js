@@ -65,16 +65,17 @@ export function showViewer(session) {
   const more = h("details", { class: "keys" }, h("summary", {}, "Trails, speed, keys"), tools, note);
   more.append(...keysView());
   const frames = [head, view.element, moving.element, layers.element, problem];
-  const curves = h(
+  const curves = plots(session);
+  const beside = h(
     "div",
     { class: "panel viewer-plots" },
-    h("div", { class: "viewer-head" }, ...picking.elements),
-    h("div", { class: "viewer-lines" }, ...plots(session)),
+    h("div", { class: "viewer-head" }, ...picking.elements, curves.zoom),
+    h("div", { class: "viewer-lines" }, ...curves.elements),
   );
   fill(
     place,
     h("div", { class: "panel viewer-stage" }, ...frames, sequences.element, more),
-    curves,
+    beside,
   );
   listenToKeys(place, (event) => player.key(event) || view.gesture.key(event.key));
 
@@ -87,7 +88,7 @@ export function showViewer(session) {
   const showPair = () => {
     const { object } = score.selection;
     if (!score.shown) return;
-    curves.hidden = score.objects.length === 0;
+    beside.hidden = score.objects.length === 0;
     picking.updateKeypoints();
     layers.update(score.objects[object] ?? "object", score.keypointOf(object), objectColor(object));
     note.textContent = placingNote(session);

@@ -6,7 +6,9 @@ use super::{JsResult, js_error, to_js};
 use crate::error::Error;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::Theme;
-use crate::report::evaluation::{capability, evaluation_csv, evaluation_page, matrix, sequences};
+use crate::report::evaluation::{
+    capability, evaluation_csv, evaluation_page, evaluation_tex, evaluation_text, matrix, sequences,
+};
 
 fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
     serde_wasm_bindgen::from_value(evaluation)
@@ -29,6 +31,24 @@ pub fn evaluation_page_of(evaluation: JsValue) -> JsResult<String> {
 #[wasm_bindgen(js_name = evaluationCsv)]
 pub fn evaluation_csv_of(evaluation: JsValue) -> JsResult<String> {
     Ok(evaluation_csv(&evaluation_from_js(evaluation)?))
+}
+
+/// An evaluation as a LaTeX table.
+///
+/// # Errors
+/// When the evaluation is not understood.
+#[wasm_bindgen(js_name = evaluationTex)]
+pub fn evaluation_tex_of(evaluation: JsValue) -> JsResult<String> {
+    Ok(evaluation_tex(&evaluation_from_js(evaluation)?))
+}
+
+/// An evaluation in three lines for a paper.
+///
+/// # Errors
+/// When the evaluation is not understood.
+#[wasm_bindgen(js_name = evaluationText)]
+pub fn evaluation_text_of(evaluation: JsValue) -> JsResult<String> {
+    Ok(evaluation_text(&evaluation_from_js(evaluation)?))
 }
 
 fn theme_from_js(theme: JsValue) -> JsResult<Theme> {

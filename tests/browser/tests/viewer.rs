@@ -24,7 +24,8 @@ async fn example(browser: Browser) -> Page {
     let page = Page::open_in(browser).await;
     if browser == Browser::Chromium {
         // It does not play by itself then, and so has decoded nothing yet.
-        let still = json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
+        let still =
+            json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
         page.cdp("Emulation.setEmulatedMedia", still).await;
     }
     page.click("#try-example").await;
@@ -58,24 +59,21 @@ async fn the_example_plays_where_most_moves_until_somebody_steps(browser: Browse
         "(() => { const stage = () => document.querySelector('#stage')?.dataset.frame; let first; \
          document.querySelector('#try-example').addEventListener('click', () => { \
          const start = performance.now(); const look = () => { first ??= stage(); \
-         if (first !== undefined && stage() !== first) globalThis.__moving = performance.now() - start; \
-         else requestAnimationFrame(look); }; look(); }); })()",
+         if (first !== undefined && stage() !== first) document.body.dataset.moving = performance.now() - start; \
+         else window.requestAnimationFrame(look); }; look(); }); })()",
     )
     .await;
     page.click("#try-example").await;
-    page.until("globalThis.__moving").await;
+    page.until("document.body.dataset.moving").await;
     println!(
         "{browser:?}: {:.0} ms from the click to a moving frame",
-        page.number("globalThis.__moving").await
+        page.number("document.body.dataset.moving").await
     );
     page.until_scored().await;
     // The paths of all objects together are the longest here.
-    let table = std::fs::read_to_string(tracklens_page_tests::example("ground_truth.csv"));
+    let table = fs::read_to_string(tracklens_page_tests::example("ground_truth.csv"));
     let shown = "document.querySelector('.sequence[aria-selected=true]').dataset.name";
-    assert_eq!(
-        page.value(shown).await,
-        liveliest(&table.expect("a table"))
-    );
+    assert_eq!(page.value(shown).await, liveliest(&table.expect("a table")));
     let label = "document.querySelector('#play').getAttribute('aria-label')";
     assert_eq!(page.value(label).await, "Pause");
     press(&page, "#stage", Key::Left + "").await;

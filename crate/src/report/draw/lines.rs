@@ -147,10 +147,13 @@ fn draw<B: DrawingBackend>(
     let span = frames.saturating_sub(1).max(1) as f64;
     let end = figure.start + span.max(RESOLVED * figure.start.abs());
     let [low, high] = value_range(figure);
+    let has_legend = figure.series.iter().any(|s| !s.label.is_empty());
+    // A low figure has room for few labels.
+    let labels = (area.dim_in_pixel().1 as usize / (3 * em.max(1) as usize)).clamp(2, 5);
     let mut builder = ChartBuilder::on(area);
     builder
         .margin(em / 2)
-        .margin_top(if figure.title.is_empty() {
+        .margin_top(if figure.title.is_empty() && has_legend {
             2 * em
         } else {
             em / 2
@@ -165,7 +168,7 @@ fn draw<B: DrawingBackend>(
     chart
         .configure_mesh()
         .x_labels(frames.clamp(2, 10))
-        .y_labels(5)
+        .y_labels(labels)
         .max_light_lines(0)
         .bold_line_style(figure.grid.rgb())
         .axis_style(figure.foreground.rgb())
@@ -192,7 +195,9 @@ fn draw<B: DrawingBackend>(
             chart.draw_series(Line::new(points, style).point_size(dot))?;
         }
     }
-    legend(area, figure, &text_style())?;
+    if has_legend {
+        legend(area, figure, &text_style())?;
+    }
     area.present()?;
     let (columns, rows) = chart.plotting_area().get_pixel_range();
     Ok(PlotArea {

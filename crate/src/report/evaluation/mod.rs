@@ -5,6 +5,7 @@ mod matrix;
 mod page;
 mod sequences;
 mod tables;
+mod words;
 
 use super::draw::{Figure, FileNames, Theme};
 use crate::error::Result;
@@ -14,7 +15,8 @@ pub use capability::capability;
 pub use matrix::matrix;
 pub use page::evaluation_page;
 pub use sequences::sequences;
-pub use tables::evaluation_csv;
+pub use tables::{evaluation_csv, evaluation_tex};
+pub use words::evaluation_text;
 
 /// All figures of an evaluation, for files; those by sequence where it has the sequences.
 ///

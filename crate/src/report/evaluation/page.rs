@@ -5,6 +5,7 @@ use maud::{Markup, html};
 
 use super::evaluation_figures;
 use super::tables::{assignment, maps, objects, regression, worst_sequences};
+use super::words::protocol;
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::{document, figure};
@@ -74,46 +75,6 @@ fn lead(report: &EvaluationReport) -> String {
         (true, _) => format!("No object is tracked: {no}."),
         (false, false) => format!("Tracked: {yes}. Not tracked: {no}."),
     }
-}
-
-fn protocol(report: &EvaluationReport) -> String {
-    let map = if report.transform == "identity" {
-        "keypoints are scored as they are, without a fitted map".to_owned()
-    } else {
-        format!(
-            "a time-invariant {} map from keypoint to object is fitted and scored on the same frames, as in the authors’ code \
-             (rank rule: {})",
-            report.transform, report.rank
-        )
-    };
-    let mut text = format!(
-        "The tracking error is the mean squared distance in ndc (−1 to +1 across the image); {map}. An object is tracked when \
-         the error of its best keypoint is at most its threshold; the tracking capability (TC) is the share of tracked objects."
-    );
-    if let Some(held_out) = &report.held_out {
-        text += &format!(
-            " Held out: maps and best keypoints are of the other sequences, in {} folds; TC {:.3}.",
-            held_out.folds, held_out.tc
-        );
-    }
-    if let Some(intervals) = &report.intervals {
-        text += &format!(
-            " Small figures: {:.0} % intervals of the errors that are fitted and scored on the same frames, {}, {} \
-             resamples; of the TC on these frames: {:.3}–{:.3}.",
-            100.0 * intervals.level,
-            intervals.method,
-            intervals.resamples,
-            intervals.tc[0],
-            intervals.tc[1]
-        );
-    }
-    if report.excluded > 0 {
-        text += &format!(
-            " {} frames were left out because a keypoint was not a finite number.",
-            report.excluded
-        );
-    }
-    text
 }
 
 fn provenance(report: &EvaluationReport) -> Markup {

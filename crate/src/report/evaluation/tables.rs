@@ -1,5 +1,6 @@
 //! The tables of one evaluation.
 
+use super::words::protocol;
 use crate::evaluation::{ContextReport, EvaluationReport, ObjectReport, SequencesReport};
 use crate::metric::AffineMap;
 use crate::report::{Cell, Column, Emphasis, Precision, Table};
@@ -49,6 +50,52 @@ pub fn evaluation_csv(report: &EvaluationReport) -> String {
         ]);
     }
     table.to_csv()
+}
+
+/// The objects as a LaTeX table for a paper, with how they were scored in its caption.
+pub fn evaluation_tex(report: &EvaluationReport) -> String {
+    let pixels = report.objects.iter().any(|object| object.rmse_px.is_some());
+    let held_out = report.held_out.as_ref();
+    let mut columns = vec![
+        Column::text("object"),
+        Column::number("threshold"),
+        Column::number("error"),
+    ];
+    if held_out.is_some() {
+        columns.push(Column::number("held-out error"));
+    }
+    if pixels {
+        columns.push(Column::number("RMSE, px"));
+    }
+    columns.push(Column::number("keypoint"));
+    let caption = match report.tc {
+        Some(tc) => format!("Tracking errors, tracking capability {tc:.2}"),
+        None => "Tracking errors; the tracking capability is unknown".to_owned(),
+    };
+    let mut table = Table::new("objects", caption, columns).note(protocol(report));
+    for object in &report.objects {
+        let intervals = report.intervals.iter().flat_map(|i| &i.objects);
+        let interval = intervals
+            .filter(|interval| interval.name == object.name)
+            .find_map(|interval| interval.error);
+        let mut cells = vec![
+            Cell::text(&object.name),
+            Cell::number(object.threshold, None, Precision::Full),
+            Cell::number(object.error, interval, Precision::Short)
+                .emphasis(Emphasis::verdict(object.tracked)),
+        ];
+        if let Some(held_out) = held_out {
+            let own = held_out.objects.iter().find(|own| own.name == object.name);
+            let emphasis = own.and_then(|own| Emphasis::verdict(own.tracked));
+            cells.push(short(own.and_then(|own| own.error)).emphasis(emphasis));
+        }
+        if pixels {
+            cells.push(short(object.rmse_px));
+        }
+        cells.push(Cell::count(object.best_keypoint.map(|n| n as u64)));
+        table.push(cells);
+    }
+    table.to_latex()
 }
 
 /// The errors of the objects, with their intervals and held-out errors where there are any.
