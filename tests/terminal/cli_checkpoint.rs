@@ -1,27 +1,12 @@
 //! `convert`, `inspect` and `export` of the real binary, and every command on every format.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 
 use serde_json::Value;
 use tracklens::checkpoint::Checkpoint;
 
-fn data(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../tests")
-        .join(name)
-}
-
-fn tracklens<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tracklens"))
-        .args(arguments)
-        .output()
-        .expect("the binary runs")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
+use crate::binary::{data, stderr, tracklens};
 
 fn convert(from: &Path, to: &Path) -> Output {
     tracklens(&["convert".as_ref(), from.as_os_str(), to.as_os_str()])

@@ -11,6 +11,8 @@ use tracklens::evaluation::EvaluationReport;
 use tracklens::report::draw::Theme;
 use tracklens::report::evaluation::{capability, evaluation_figures, matrix, sequences};
 
+use crate::binary::json;
+
 /// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing;
 /// `hidden` is never visible.
 fn tables() -> TempDir {
@@ -44,15 +46,6 @@ fn score(folder: &Path, more: &[&str]) -> Output {
         .args(more)
         .output()
         .expect("the binary runs")
-}
-
-fn json(output: &Output) -> Value {
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
 fn number(value: &Value) -> f64 {

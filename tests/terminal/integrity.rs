@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 use safetensors::SafeTensors;
 use tempfile::TempDir;
 
+use crate::binary::stderr;
+
 const PATIENCE: Duration = Duration::from_secs(120);
 
 const STATE: &str = "state.safetensors";
@@ -145,10 +147,6 @@ fn copy(from: &Path, to: &Path) {
             }
         }
     }
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 fn wait(what: &str, mut done: impl FnMut() -> bool) {

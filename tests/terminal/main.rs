@@ -3,6 +3,7 @@
 #[path = "../shared/runs.rs"]
 mod runs;
 
+mod binary;
 mod cli;
 mod cli_checkpoint;
 mod evaluation;

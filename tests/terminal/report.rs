@@ -9,16 +9,14 @@ use crate::runs::{config, error, sweep, write_run};
 use serde_json::{Value, json};
 use tracklens::metric::stats::{Sample, trimmed_mean};
 
+use crate::binary::stderr;
+
 fn report(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tracklens"))
         .arg("report")
         .args(arguments)
         .output()
         .expect("the binary runs")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 fn text(path: &Path) -> String {

@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::binary::stderr;
+
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A folder with a sweep file of four tiny runs on the repository's recording.
@@ -117,10 +119,6 @@ decoder-channels = "8,6,4"
 "#,
         data.display()
     )
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 const NAMES: [&str; 4] = [

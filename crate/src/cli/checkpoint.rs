@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::files;
 use crate::atomic;
-use crate::checkpoint::{Checkpoint, Format, Summary};
+use crate::checkpoint::{Checkpoint, Format, SaeConfig, Summary, Training};
 use crate::engine::{CpuEncoder, PlannedLayer};
 use crate::error::{Error, Result};
 
@@ -119,36 +119,86 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     Ok(())
 }
 
-fn print_table(
-    Inspection {
-        format,
-        bytes,
-        summary,
-        plan,
-    }: &Inspection,
-) -> Result<()> {
-    let config = &summary.config;
-    let list = |values: &[usize]| {
-        values
-            .iter()
-            .map(usize::to_string)
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
-    let size = |[width, height]: [usize; 2]| format!("{width} x {height}");
+fn print_table(inspection: &Inspection) -> Result<()> {
     let mut table = comfy_table::Table::new();
     table.load_preset(NOTHING);
-    let mut row = |name: &str, value: String| {
+    for (name, value) in rows(inspection) {
         if !value.is_empty() {
             table.add_row([name.to_owned(), value]);
         }
+    }
+    say!("{table}");
+    let Some(plan) = &inspection.plan else {
+        return Ok(());
     };
-    row("file", format!("{format}, {bytes} bytes"));
-    row(
-        "architecture",
-        format!("{} ({})", summary.name, config.architecture.family),
-    );
-    row("keypoints", config.keypoints.to_string());
+    let mut table = comfy_table::Table::new();
+    table.load_preset(NOTHING);
+    table.set_header(["layer", "kernel", "gives", "multiplications", "done"]);
+    for layer in plan {
+        let millions = |count: u64| format!("{:.1} M", count as f64 * 1e-6);
+        table.add_row([
+            layer.name.clone(),
+            layer.kernel.clone(),
+            size(layer.size),
+            millions(layer.defined),
+            millions(layer.done),
+        ]);
+    }
+    say!("\n{table}");
+    Ok(())
+}
+
+fn size([width, height]: [usize; 2]) -> String {
+    format!("{width} x {height}")
+}
+
+fn list(values: &[usize]) -> String {
+    let values: Vec<String> = values.iter().map(usize::to_string).collect();
+    values.join(", ")
+}
+
+/// Names and values; a value that is empty is not shown.
+fn rows(inspection: &Inspection) -> [(&'static str, String); 12] {
+    let summary = &inspection.summary;
+    let config = &summary.config;
+    let input = config.input_size.map(size);
+    let epoch = summary.epoch.map(|epoch| epoch.to_string());
+    let parameters = &summary.parameters;
+    [
+        (
+            "file",
+            format!("{}, {} bytes", inspection.format, inspection.bytes),
+        ),
+        (
+            "architecture",
+            format!("{} ({})", summary.name, config.architecture.family),
+        ),
+        ("keypoints", config.keypoints.to_string()),
+        ("modifications", modifications(config)),
+        (
+            "input",
+            input.unwrap_or_else(|| "the size of the frames".to_owned()),
+        ),
+        ("target", size(config.target_size)),
+        ("encoder", encoder(config)),
+        ("decoder", decoder(summary)),
+        (
+            "parameters",
+            format!(
+                "{} (encoder {}, decoder {}), and {} statistics of batch norms",
+                parameters.encoder + parameters.decoder,
+                parameters.encoder,
+                parameters.decoder,
+                summary.buffers
+            ),
+        ),
+        ("epoch", epoch.unwrap_or_default()),
+        ("training", training(&summary.training)),
+        ("other tensors", summary.other_tensors.join(", ")),
+    ]
+}
+
+fn modifications(config: &SaeConfig) -> String {
     let modifications = [
         (config.architecture.velocity, "velocity loss"),
         (config.architecture.trained_sigma, "trained sigma"),
@@ -160,61 +210,31 @@ fn print_table(
         .filter(|(on, _)| *on)
         .map(|(_, name)| *name)
         .collect();
-    row(
-        "modifications",
-        if on.is_empty() {
-            "none".to_owned()
-        } else {
-            on.join(", ")
-        },
-    );
-    row(
-        "input",
-        config
-            .input_size
-            .map_or_else(|| "the size of the frames".to_owned(), size),
-    );
-    row("target", size(config.target_size));
-    row(
-        "encoder",
-        format!(
-            "channels {}; kernels {}{}",
-            list(&config.encoder_channels),
-            list(&config.encoder_kernels),
-            match &config.encoder_strides[..] {
-                [] => String::new(),
-                strides => format!("; strides {}", list(strides)),
-            }
-        ),
-    );
-    if summary.parameters.decoder > 0 && !config.decoder_channels.is_empty() {
-        row(
-            "decoder",
-            format!(
-                "channels {}; kernels {}",
-                list(&config.decoder_channels),
-                list(&config.decoder_kernels)
-            ),
-        );
+    match on.is_empty() {
+        true => "none".to_owned(),
+        false => on.join(", "),
     }
-    let parameters = &summary.parameters;
-    row(
-        "parameters",
-        format!(
-            "{} (encoder {}, decoder {}), and {} statistics of batch norms",
-            parameters.encoder + parameters.decoder,
-            parameters.encoder,
-            parameters.decoder,
-            summary.buffers
-        ),
-    );
-    row(
-        "epoch",
-        summary
-            .epoch
-            .map_or_else(String::new, |epoch| epoch.to_string()),
-    );
-    let training = &summary.training;
+}
+
+fn encoder(config: &SaeConfig) -> String {
+    let [channels, kernels] = [&config.encoder_channels, &config.encoder_kernels].map(|v| list(v));
+    let strides = match &config.encoder_strides[..] {
+        [] => String::new(),
+        strides => format!("; strides {}", list(strides)),
+    };
+    format!("channels {channels}; kernels {kernels}{strides}")
+}
+
+fn decoder(summary: &Summary) -> String {
+    let config = &summary.config;
+    if summary.parameters.decoder == 0 || config.decoder_channels.is_empty() {
+        return String::new();
+    }
+    let [channels, kernels] = [&config.decoder_channels, &config.decoder_kernels].map(|v| list(v));
+    format!("channels {channels}; kernels {kernels}")
+}
+
+fn training(training: &Training) -> String {
     let numbers = [
         ("epochs", training.epochs.map(|v| v.to_string())),
         ("batch", training.batch.map(|v| v.to_string())),
@@ -233,23 +253,5 @@ fn print_table(
         .into_iter()
         .filter_map(|(name, value)| Some(format!("{name} {}", value?)))
         .collect();
-    row("training", numbers.join(", "));
-    row("other tensors", summary.other_tensors.join(", "));
-    say!("{table}");
-    let Some(plan) = plan else { return Ok(()) };
-    let mut table = comfy_table::Table::new();
-    table.load_preset(NOTHING);
-    table.set_header(["layer", "kernel", "gives", "multiplications", "done"]);
-    for layer in plan {
-        let millions = |count: u64| format!("{:.1} M", count as f64 * 1e-6);
-        table.add_row([
-            layer.name.clone(),
-            layer.kernel.clone(),
-            size(layer.size),
-            millions(layer.defined),
-            millions(layer.done),
-        ]);
-    }
-    say!("\n{table}");
-    Ok(())
+    numbers.join(", ")
 }

@@ -12,7 +12,7 @@ use super::hints::hint;
 use crate::checkpoint::Checkpoint;
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Notice, Recording, Space, Table,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Notice, Parsed, Recording, Space,
     TableOptions, ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
     parse_npz_keypoints, read_hdf5_ground_truth,
 };
@@ -426,7 +426,7 @@ pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
     Checkpoint::from_bytes(&read(path)?).map_err(|e| e.at(path.display()))
 }
 
-fn told<T>(table: Table<T>, path: &Path) -> T {
+fn told<T>(table: Parsed<T>, path: &Path) -> T {
     tell(path, &table.notices);
     table.content
 }

@@ -8,7 +8,7 @@ use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, S
 
 use super::arrays::{ArrayFile, ArrayInfo, Kind, Values};
 use super::points;
-use super::reading::{AxisOrder, Table, TableOptions};
+use super::reading::{AxisOrder, Parsed, TableOptions};
 use super::recording::Recording;
 use crate::error::{Error, Result};
 use crate::track::GroundTruth;
@@ -61,7 +61,7 @@ impl Recording {
 ///
 /// # Errors
 /// As [`Recording::from_hdf5_bytes`].
-pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Table<GroundTruth>> {
+pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Parsed<GroundTruth>> {
     let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
     points::ground_truth(&Hdf5::open(Arc::new(storage))?, options)
 }

@@ -41,7 +41,7 @@ pub use npz::{
     NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
     parse_npz_keypoints,
 };
-pub use reading::{AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions};
+pub use reading::{AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions};
 pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
 pub use source::{EncodedFrames, FrameSource};

@@ -12,7 +12,7 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 use super::arrays::{ArrayFile, ArrayInfo, FRAMES, POINTS, Values};
 use super::npy::{self, Header, MAX_HEADER, damaged};
 use super::points;
-use super::reading::{AxisOrder, Table, TableOptions};
+use super::reading::{AxisOrder, Parsed, TableOptions};
 use super::recording::Recording;
 use crate::error::{Error, ErrorKind, Result};
 use crate::memory;
@@ -53,7 +53,7 @@ pub fn parse_npz_ground_truth(
     bytes: &[u8],
     name: &str,
     options: &TableOptions,
-) -> Result<Table<GroundTruth>> {
+) -> Result<Parsed<GroundTruth>> {
     Npz::open(Cursor::new(bytes))
         .and_then(|file| points::ground_truth(&file, options))
         .map_err(|e| e.at(name))
@@ -67,7 +67,7 @@ pub fn parse_npz_keypoints(
     bytes: &[u8],
     name: &str,
     options: &TableOptions,
-) -> Result<Table<KeypointTrack>> {
+) -> Result<Parsed<KeypointTrack>> {
     Npz::open(Cursor::new(bytes))
         .and_then(|file| points::keypoints(&file, options))
         .map_err(|e| e.at(name))
@@ -80,7 +80,7 @@ pub fn parse_npz_keypoints(
 pub fn ground_truth_of_arrays(
     arrays: Vec<NpyArray>,
     options: &TableOptions,
-) -> Result<Table<GroundTruth>> {
+) -> Result<Parsed<GroundTruth>> {
     points::ground_truth(&Npz::of(arrays)?, options)
 }
 
@@ -91,7 +91,7 @@ pub fn ground_truth_of_arrays(
 pub fn keypoints_of_arrays(
     arrays: Vec<NpyArray>,
     options: &TableOptions,
-) -> Result<Table<KeypointTrack>> {
+) -> Result<Parsed<KeypointTrack>> {
     points::keypoints(&Npz::of(arrays)?, options)
 }
 

@@ -5,7 +5,7 @@ use ndarray::Array3;
 use super::arrays::{ArrayFile, Kind, POINTS, Values, check_frames, count, find, listed};
 use super::names::cleaned;
 use super::reading::{
-    AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions,
+    AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions,
     missing_image_size, ndc_from_pixels, point_notices,
 };
 use crate::error::{Error, Reason, Result};
@@ -16,7 +16,7 @@ use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 pub(super) fn ground_truth(
     file: &dyn ArrayFile,
     options: &TableOptions,
-) -> Result<Table<GroundTruth>> {
+) -> Result<Parsed<GroundTruth>> {
     points(file, options)?.into_truth()
 }
 
@@ -24,7 +24,7 @@ pub(super) fn ground_truth(
 pub(super) fn keypoints(
     file: &dyn ArrayFile,
     options: &TableOptions,
-) -> Result<Table<KeypointTrack>> {
+) -> Result<Parsed<KeypointTrack>> {
     let points = points(file, options)?;
     let mut notices = vec![points.notice];
     notices.extend(point_notices(
@@ -32,7 +32,7 @@ pub(super) fn keypoints(
         "keypoints are missing or not finite",
     ));
     let keys = keys(points.sequences, points.frames);
-    Ok(Table {
+    Ok(Parsed {
         content: KeypointTrack::new(keys, points.values)?,
         reading: points.reading,
         notices,
@@ -174,7 +174,7 @@ impl Points {
         }))
     }
 
-    pub fn into_truth(self) -> Result<Table<GroundTruth>> {
+    pub fn into_truth(self) -> Result<Parsed<GroundTruth>> {
         if let Some(((t, k, _), value)) = self.values.indexed_iter().find(|(_, v)| v.is_infinite())
         {
             return Err(Error::input(format!(
@@ -191,7 +191,7 @@ impl Points {
             "positions are missing: the object counts as not visible in that frame",
         ));
         let keys = keys(self.sequences, self.frames);
-        Ok(Table {
+        Ok(Parsed {
             content: GroundTruth::new(keys, self.names, self.values)?,
             reading: self.reading,
             notices,

@@ -8,9 +8,9 @@ use ndarray::Array3;
 
 use crate::error::{Error, Reason, Result, without_controls};
 
-/// A parsed table with what a person should know of how it was read.
+/// A table or an array that was parsed, with what a person should know of how it was read.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table<T> {
+pub struct Parsed<T> {
     /// The content.
     pub content: T,
     /// What its numbers were taken for.

@@ -199,6 +199,29 @@ pub(crate) unsafe fn multiply<I: Isa, R: Right, const ROWS: usize, const N: usiz
     }
 }
 
+/// [`multiply`] of packed columns, into ROWS x N vectors at `to`.
+///
+/// # Safety
+/// As [`multiply`]; the vectors at `to` must be writable.
+#[inline(always)]
+pub(super) unsafe fn multiply_to<I: Isa, const ROWS: usize, const N: usize>(
+    isa: I,
+    left: Left,
+    right: Packed,
+    steps: usize,
+    to: *mut f32,
+) {
+    let ops = isa.f32();
+    let mut sums = [[ops.zero(); N]; ROWS];
+    // SAFETY: the caller's promise.
+    unsafe {
+        multiply::<I, _, ROWS, N>(isa, &mut sums, left, right, steps);
+        for (i, sum) in sums.as_flattened().iter().enumerate() {
+            ops.store_ptr(*sum, to.add(i * ops.len()));
+        }
+    }
+}
+
 /// Adds the products of the step k. (A function, since a closure that is called in several places
 /// is not always inlined, and then runs without the vectors of the instruction set.)
 ///

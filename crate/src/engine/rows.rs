@@ -10,7 +10,7 @@ use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
 
 use super::buffer::LINE;
-use super::gemm::{Left, Packed, Panels, WIDE, multiply, tile_rows, with_rows};
+use super::gemm::{Left, Packed, Panels, WIDE, multiply_to, tile_rows, with_rows};
 use super::map::Map;
 use super::simd::larger;
 use crate::error::Result;
@@ -321,8 +321,7 @@ impl Rows<'_> {
         bands: &Bands,
         first: usize,
     ) {
-        let ops = isa.f32();
-        let lanes = ops.len();
+        let lanes = isa.f32().len();
         let channels = self.from.channels;
         let (source, product) = self.scratch.split_at_mut(PLACES * bands.places[0]);
         for (place, panels) in self.panels.iter().enumerate() {
@@ -343,16 +342,10 @@ impl Rows<'_> {
                         row: bands.tile,
                         step: 1,
                     };
-                    let mut sums = [[ops.zero(); N]; ROWS];
-                    multiply::<I, _, ROWS, N>(isa, &mut sums, left, panel, KERNEL * channels);
                     let to = product
                         .as_mut_ptr()
                         .add(place * bands.places[1] + tile * N * lanes);
-                    for (r, sums) in sums.iter().enumerate() {
-                        for (i, sum) in sums.iter().enumerate() {
-                            ops.store_ptr(*sum, to.add((r * N + i) * lanes));
-                        }
-                    }
+                    multiply_to::<I, ROWS, N>(isa, left, panel, KERNEL * channels, to);
                 }
             }
         }

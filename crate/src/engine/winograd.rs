@@ -18,7 +18,7 @@ use rten_simd::{Isa, SimdOp};
 
 use super::buffer::LINE;
 use super::epilogue::Epilogue;
-use super::gemm::{Left, Packed, Panels, WIDE, multiply, tile_rows, with_rows};
+use super::gemm::{Left, Packed, Panels, WIDE, multiply_to, tile_rows, with_rows};
 use super::map::Map;
 use super::pool::pooled;
 use super::simd::larger;
@@ -331,8 +331,7 @@ impl Winograd<'_> {
         strides: &Strides,
         first: usize,
     ) {
-        let ops = isa.f32();
-        let lanes = ops.len();
+        let lanes = isa.f32().len();
         let channels = self.from.channels;
         let (source, product) = self
             .scratch
@@ -342,8 +341,7 @@ impl Winograd<'_> {
                 start: panels.panel(first).as_ptr(),
                 width: N * lanes,
             };
-            let mut tile = 0;
-            while tile < block.count {
+            for tile in (0..block.count).step_by(ROWS) {
                 // SAFETY: scratch holds a block, which is a multiple of ROWS tiles; what is
                 // computed for tiles behind the last one is never looked at.
                 unsafe {
@@ -354,18 +352,11 @@ impl Winograd<'_> {
                         row: channels,
                         step: 1,
                     };
-                    let mut sums = [[ops.zero(); N]; ROWS];
-                    multiply::<I, _, ROWS, N>(isa, &mut sums, left, panel, channels);
                     let to = product
                         .as_mut_ptr()
                         .add(place * strides.product + tile * N * lanes);
-                    for (r, sums) in sums.iter().enumerate() {
-                        for (i, sum) in sums.iter().enumerate() {
-                            ops.store_ptr(*sum, to.add((r * N + i) * lanes));
-                        }
-                    }
+                    multiply_to::<I, ROWS, N>(isa, left, panel, channels, to);
                 }
-                tile += ROWS;
             }
         }
     }

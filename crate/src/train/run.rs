@@ -6,6 +6,7 @@ use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::time::Instant;
 
+use burn::prelude::Device;
 use rand::rngs::StdRng;
 use rand::seq::SliceRandom as _;
 use rand::{Rng as _, SeedableRng as _};
@@ -24,6 +25,7 @@ use super::validation::Validation;
 use super::{Dataset, SNIPPET, Sequence, Trainer};
 use crate::atomic;
 use crate::checkpoint::{BACKGROUND, Checkpoint};
+use crate::device::Adapter;
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::EvaluationReport;
 use crate::event::{Cancel, Event};
@@ -84,26 +86,64 @@ pub fn train(
     config.validate()?;
     let mut rng = StdRng::seed_from_u64(config.seed);
     let (training, validation) = split(dataset, config, &mut rng)?;
-    let snippets: Vec<(&Sequence, usize)> = training
+    let snippets = snippets(&training);
+    let steps = steps(&snippets, training.len(), config)?;
+    let OpenDevice { device, adapter } = open(config.device)?;
+    let run = described(config, dataset, adapter, &training, &validation);
+    let mut folder = RunFolder::open(lock.folder(), options, &run, &dataset.fingerprint)?;
+    let resumed = folder.resumed.take();
+    let moments = moments_used(config, resumed.is_some())
+        .then(|| TargetMoments::of(dataset, &training, cancel))
+        .transpose()?;
+    let training = Training {
+        trainer: trainer(config, &device, weights, resumed, moments.as_ref())?,
+        validation: Validation::new(validation, config),
+        config,
+        dataset,
+        snippets,
+        steps,
+        folder,
+    };
+    training.run(report, cancel)
+}
+
+/// Every two frames in a row that a training is shown: a sequence, and the first of the frames.
+type Snippet<'a> = (&'a Sequence, usize);
+
+fn snippets<'a>(training: &[&'a Sequence]) -> Vec<Snippet<'a>> {
+    training
         .iter()
         .flat_map(|s| (0..s.snippets()).map(move |start| (*s, start)))
-        .collect();
+        .collect()
+}
+
+/// The steps of an epoch, of which there must be one.
+fn steps(snippets: &[Snippet<'_>], sequences: usize, config: &TrainConfig) -> Result<usize> {
     let steps = match config.drop_last {
         true => snippets.len() / config.batch,
         false => snippets.len().div_ceil(config.batch),
     };
     if steps == 0 {
         return Err(Error::mismatch(format!(
-            "{} training sequences hold {} snippets of {SNIPPET} frames; a batch needs {}: give more sequences or a \
-             smaller batch, or keep the last, smaller one",
-            training.len(),
+            "{sequences} training sequences hold {} snippets of {SNIPPET} frames; a batch needs {}: give more \
+             sequences or a smaller batch, or keep the last, smaller one",
             snippets.len(),
             config.batch
         )));
     }
-    let names = |part: &[&'_ Sequence]| part.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
-    let OpenDevice { device, adapter } = open(config.device)?;
-    let run = RunConfig {
+    Ok(steps)
+}
+
+/// What `config.json` says of a run.
+fn described(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    adapter: Option<Adapter>,
+    training: &[&Sequence],
+    validation: &[&Sequence],
+) -> RunConfig {
+    let names = |part: &[&Sequence]| part.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    RunConfig {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         git_hash: option_env!("TRACKLENS_GIT_HASH").map(str::to_owned),
         burn: "0.22.1".to_owned(),
@@ -113,110 +153,168 @@ pub fn train(
         train: config.clone(),
         input_size: dataset.input_size,
         objects: dataset.objects.clone(),
-        training_sequences: names(&training),
-        validation_sequences: names(&validation),
-    };
-    let mut folder = RunFolder::open(lock.folder(), options, &run, &dataset.fingerprint)?;
-    let whitens = config.color_error == ColorError::Whitened;
-    let starts_at_mean = config.background == BackgroundStart::Mean && folder.resumed.is_none();
-    let moments = (whitens || starts_at_mean)
-        .then(|| TargetMoments::of(dataset, &training, cancel))
-        .transpose()?;
-    let mut trainer = match folder.resumed.take() {
+        training_sequences: names(training),
+        validation_sequences: names(validation),
+    }
+}
+
+/// Whether a training starts from the mean of its targets, which one that goes on has done.
+fn starts_at_mean(config: &TrainConfig, goes_on: bool) -> bool {
+    config.background == BackgroundStart::Mean && !goes_on
+}
+
+fn moments_used(config: &TrainConfig, goes_on: bool) -> bool {
+    config.color_error == ColorError::Whitened || starts_at_mean(config, goes_on)
+}
+
+/// The trainer of a run that starts from `weights`, or goes on from `resumed`.
+fn trainer(
+    config: &TrainConfig,
+    device: &Device,
+    weights: &Checkpoint,
+    resumed: Option<State>,
+    moments: Option<&TargetMoments>,
+) -> Result<Trainer> {
+    let at_mean = starts_at_mean(config, resumed.is_some());
+    let trainer = match resumed {
         Some(state) => {
-            let mut trainer = Trainer::on(&device, &state.weights, config.learning_rate)?;
+            let mut trainer = Trainer::on(device, &state.weights, config.learning_rate)?;
             trainer.load_optimizer(state.optimizer)?;
             trainer
         }
         None => {
-            let started = match &moments {
-                Some(moments) if starts_at_mean => on_background(weights, &moments.mean)?,
+            let started = match moments {
+                Some(moments) if at_mean => on_background(weights, &moments.mean)?,
                 _ => weights.clone(),
             };
-            Trainer::on(&device, &started, config.learning_rate)?
+            Trainer::on(device, &started, config.learning_rate)?
         }
     }
     .with_velocity_weight(config.velocity_weight);
-    if let Some(moments) = moments.filter(|_| whitens) {
-        trainer = trainer.with_color_transform(moments.whitening()?);
+    match moments {
+        Some(moments) if config.color_error == ColorError::Whitened => {
+            Ok(trainer.with_color_transform(moments.whitening()?))
+        }
+        _ => Ok(trainer),
     }
-    let validation = Validation::new(validation, config);
+}
 
-    let start = Instant::now();
-    let before = folder.header.progress.summary.seconds;
-    let first = folder.header.progress.summary.epochs + 1;
-    let mut done = u64::from(first - 1) * steps as u64;
-    report(Event::Started {
-        what: format!("training {}", config.sae.name()),
-        total: u64::from(config.epochs) * steps as u64,
-    });
-    for epoch in first..=config.epochs {
-        let epoch_start = Instant::now();
+/// A training at work.
+struct Training<'a> {
+    config: &'a TrainConfig,
+    dataset: &'a Dataset,
+    snippets: Vec<Snippet<'a>>,
+    /// Of an epoch.
+    steps: usize,
+    trainer: Trainer,
+    validation: Validation<'a>,
+    folder: RunFolder<'a>,
+}
+
+impl Training<'_> {
+    fn run(mut self, report: &mut dyn FnMut(Event), cancel: &Cancel) -> Result<TrainSummary> {
+        let start = Instant::now();
+        let before = self.summary().seconds;
+        let first = self.summary().epochs + 1;
+        report(Event::Started {
+            what: format!("training {}", self.config.sae.name()),
+            total: u64::from(self.config.epochs) * self.steps as u64,
+        });
+        for epoch in first..=self.config.epochs {
+            match self.epoch(epoch, report, cancel) {
+                Ok((entry, evaluation)) => {
+                    self.summary().seconds = before + start.elapsed().as_secs_f64();
+                    self.folder
+                        .finish_epoch(&self.trainer, self.config, entry, evaluation)?;
+                }
+                Err(e) if e.kind() == ErrorKind::Cancelled => {
+                    self.summary().interrupted = true;
+                    report(Event::Warning(format!(
+                        "stopped in epoch {epoch}; what was reached after epoch {} is kept, and a resumed run goes \
+                         on from there",
+                        epoch - 1
+                    )));
+                    break;
+                }
+                Err(e) => return Err(e),
+            }
+        }
+        self.summary().seconds = before + start.elapsed().as_secs_f64();
+        let path = self.folder.path.join(SUMMARY);
+        let summary = self.folder.header.progress.summary;
+        write_json(&path, &summary)?;
+        report(Event::Done);
+        Ok(summary)
+    }
+
+    fn summary(&mut self) -> &mut TrainSummary {
+        &mut self.folder.header.progress.summary
+    }
+
+    /// Trains and validates one epoch.
+    fn epoch(
+        &mut self,
+        epoch: u32,
+        report: &mut dyn FnMut(Event),
+        cancel: &Cancel,
+    ) -> Result<(EpochLog, EvaluationReport)> {
+        let start = Instant::now();
+        let training = self.steps_of(epoch, report, cancel)?;
+        let outcome = self.validation.run(&self.trainer, self.dataset, cancel)?;
+        let entry = EpochLog {
+            epoch,
+            seconds: start.elapsed().as_secs_f64(),
+            training,
+            validation: outcome.losses,
+            tc: outcome.tc,
+            errors: outcome.errors,
+        };
+        Ok((entry, outcome.evaluation))
+    }
+
+    /// The steps of an epoch, and their mean losses.
+    fn steps_of(
+        &mut self,
+        epoch: u32,
+        report: &mut dyn FnMut(Event),
+        cancel: &Cancel,
+    ) -> Result<Losses> {
+        let config = self.config;
+        let tracked = match &self.summary().last {
+            Some(last) => format!(", TC {:.2}", last.tc),
+            None => String::new(),
+        };
         // A stream of its own for every epoch: what an epoch draws does not hang on how many came
         // before.
         let mut rng = StdRng::seed_from_u64(config.seed ^ (u64::from(epoch) << 32));
-        let mut order = snippets.clone();
+        let mut order = self.snippets.clone();
         order.shuffle(&mut rng);
         let mut sum = Losses::default();
-        for batch in order.chunks(config.batch).take(steps) {
-            if cancel.is_cancelled() {
-                break;
-            }
-            let (inputs, targets) = gather(dataset, batch, config.noise, &mut rng)?;
-            let losses = trainer
-                .step(inputs, targets, dataset.input_size)
+        let first = u64::from(epoch - 1) * self.steps as u64 + 1;
+        for (done, batch) in (first..).zip(order.chunks(config.batch).take(self.steps)) {
+            cancel.check()?;
+            let (inputs, targets) = gather(self.dataset, batch, config.noise, &mut rng)?;
+            let losses = self
+                .trainer
+                .step(inputs, targets, self.dataset.input_size)
                 .map_err(|e| diagnose(&e, epoch, config))?;
             sum.total += losses.total;
             sum.reconstruction += losses.reconstruction;
             sum.velocity += losses.velocity;
-            done += 1;
-            let last = folder.header.progress.summary.last.as_ref();
-            let tracked = last
-                .map(|l| format!(", TC {:.2}", l.tc))
-                .unwrap_or_default();
             let note = format!(
                 "epoch {epoch}/{}, loss {:.5}{tracked}",
                 config.epochs, losses.total
             );
             report(Event::Progress { done, note });
         }
-        let outcome = match cancel.check() {
-            Ok(()) => validation.run(&trainer, dataset, cancel),
-            Err(cancelled) => Err(cancelled),
-        };
-        let outcome = match outcome {
-            Err(e) if e.kind() == ErrorKind::Cancelled => {
-                folder.header.progress.summary.interrupted = true;
-                report(Event::Warning(format!(
-                    "stopped in epoch {epoch}; what was reached after epoch {} is kept, and a resumed run goes on from \
-                     there",
-                    epoch - 1
-                )));
-                break;
-            }
-            outcome => outcome?,
-        };
-        let mean = |v: f64| v / steps as f64;
-        let entry = EpochLog {
-            epoch,
-            seconds: epoch_start.elapsed().as_secs_f64(),
-            training: Losses {
-                total: mean(sum.total),
-                reconstruction: mean(sum.reconstruction),
-                velocity: mean(sum.velocity),
-            },
-            validation: outcome.losses,
-            tc: outcome.tc,
-            errors: outcome.errors,
-        };
-        folder.header.progress.summary.seconds = before + start.elapsed().as_secs_f64();
-        folder.finish_epoch(&trainer, config, entry, outcome.evaluation)?;
+        cancel.check()?;
+        let mean = |v: f64| v / self.steps as f64;
+        Ok(Losses {
+            total: mean(sum.total),
+            reconstruction: mean(sum.reconstruction),
+            velocity: mean(sum.velocity),
+        })
     }
-    let mut summary = folder.header.progress.summary;
-    summary.seconds = before + start.elapsed().as_secs_f64();
-    write_json(&lock.folder().join(SUMMARY), &summary)?;
-    report(Event::Done);
-    Ok(summary)
 }
 
 /// The files of a run.

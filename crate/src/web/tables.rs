@@ -7,7 +7,7 @@ use wasm_bindgen::prelude::*;
 use super::frames::FrameIndex;
 use super::options::from_js;
 use super::{JsResult, js_error, to_js};
-use crate::data::{self, AxisOrder, Ground, Notice, Reading, Space, Table, TableOptions};
+use crate::data::{self, AxisOrder, Ground, Notice, Parsed, Reading, Space, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -83,14 +83,14 @@ fn reasons_to_js(notices: &[Notice]) -> JsResult<JsValue> {
 #[wasm_bindgen]
 pub struct GroundTruthTable {
     pub(super) name: String,
-    pub(super) table: Table<GroundTruth>,
+    pub(super) table: Parsed<GroundTruth>,
 }
 
 /// Keypoints over frames.
 #[wasm_bindgen]
 pub struct KeypointTable {
     pub(super) name: String,
-    pub(super) table: Table<KeypointTrack>,
+    pub(super) table: Parsed<KeypointTrack>,
 }
 
 #[wasm_bindgen]
@@ -189,7 +189,7 @@ impl KeypointTable {
             .map_err(|e| js_error(&e))?;
         Ok(Self {
             name: "extraction".to_owned(),
-            table: Table {
+            table: Parsed {
                 content,
                 reading: Reading::of_extraction(),
                 notices: Vec::new(),

@@ -397,155 +397,226 @@ impl<'a> Machine<'a> {
             if self.nodes.len() >= MOST_VALUES {
                 return None;
             }
-            let code = self.array::<1>()?[0];
-            match code {
-                // PROTO, FRAME
-                0x80 => _ = self.take(1)?,
-                0x95 => _ = self.take(8)?,
+            match self.array::<1>()?[0] {
                 // STOP
                 b'.' => return self.stack.pop(),
-                // MARK, POP, POP_MARK, DUP
-                b'(' => self.marks.push(self.stack.len()),
-                b'0' => _ = self.stack.pop()?,
-                b'1' => _ = self.since_mark()?,
-                b'2' => self.stack.push(*self.stack.last()?),
-                // NONE, NEWTRUE, NEWFALSE
-                b'N' => self.push(Node::None),
-                0x88 => self.push(Node::Bool(true)),
-                0x89 => self.push(Node::Bool(false)),
-                // BININT, BININT1, BININT2, LONG1, LONG4, BINFLOAT
-                b'J' => {
-                    let value = i32::from_le_bytes(self.array()?);
-                    self.push(Node::Int(value.into()));
-                }
-                b'K' => self.push_long_of(1)?,
-                b'M' => self.push_long_of(2)?,
-                0x8a => {
-                    let length = self.u8()?;
-                    self.push_long(length)?;
-                }
-                0x8b => {
-                    let length = self.u32()?;
-                    self.push_long(length)?;
-                }
-                b'G' => {
-                    let value = f64::from_be_bytes(self.array()?);
-                    self.push(Node::Float(value));
-                }
-                // BINUNICODE, SHORT_BINUNICODE, BINUNICODE8, BINSTRING, SHORT_BINSTRING
-                b'X' | b'T' => {
-                    let length = self.u32()?;
-                    self.push_text(length)?;
-                }
-                0x8c | b'U' => {
-                    let length = self.u8()?;
-                    self.push_text(length)?;
-                }
-                0x8d => {
-                    let length = self.u64()?;
-                    self.push_text(length)?;
-                }
-                // BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8
-                b'B' => {
-                    let length = self.u32()?;
-                    self.push_other(length)?;
-                }
-                b'C' => {
-                    let length = self.u8()?;
-                    self.push_other(length)?;
-                }
-                0x8e | 0x96 => {
-                    let length = self.u64()?;
-                    self.push_other(length)?;
-                }
-                // EMPTY_LIST, EMPTY_TUPLE, EMPTY_SET; TUPLE, LIST, FROZENSET; TUPLE1, TUPLE2,
-                // TUPLE3
-                b']' | b')' | 0x8f => self.push(Node::List(Vec::new())),
-                b't' | b'l' | 0x91 => {
-                    let items = self.since_mark()?;
-                    self.push(Node::List(items));
-                }
-                0x85..=0x87 => self.push_list(usize::from(code - 0x84))?,
-                // APPEND, APPENDS, ADDITEMS
-                b'a' => {
-                    let item = self.stack.pop()?;
-                    self.extend_list(&[item])?;
-                }
-                b'e' | 0x90 => {
-                    let items = self.since_mark()?;
-                    self.extend_list(&items)?;
-                }
-                // EMPTY_DICT, DICT, SETITEM, SETITEMS
-                b'}' => self.push(Node::Dict(Vec::new())),
-                b'd' => {
-                    let items = self.since_mark()?;
-                    self.push(Node::Dict(Vec::new()));
-                    self.extend_dict(&items)?;
-                }
-                b's' => {
-                    let (value, key) = (self.stack.pop()?, self.stack.pop()?);
-                    self.extend_dict(&[key, value])?;
-                }
-                b'u' => {
-                    let items = self.since_mark()?;
-                    self.extend_dict(&items)?;
-                }
-                // GLOBAL, STACK_GLOBAL
-                b'c' => {
-                    let (module, name) = (self.line()?, self.line()?);
-                    self.push(Node::Global(format!("{module}.{name}")));
-                }
-                0x93 => {
-                    let (name, module) = (self.stack.pop()?, self.stack.pop()?);
-                    let (Node::Text(name), Node::Text(module)) =
-                        (&self.nodes[name], &self.nodes[module])
-                    else {
-                        return None;
-                    };
-                    pay(&mut self.names_left, module.len() + 1 + name.len())?;
-                    let name = format!("{module}.{name}");
-                    self.push(Node::Global(name));
-                }
-                // REDUCE, NEWOBJ, NEWOBJ_EX
-                b'R' | 0x81 => self.make()?,
-                0x92 => {
-                    self.stack.pop()?;
-                    self.make()?;
-                }
-                // BUILD: what it sets on a dictionary is not among its entries.
-                b'b' => {
-                    let given = self.stack.pop()?;
-                    if let Node::Object { state, .. } = &mut self.nodes[*self.stack.last()?] {
-                        *state = Some(given);
-                    }
-                }
-                // BINPUT, LONG_BINPUT, MEMOIZE, BINGET, LONG_BINGET
-                b'q' => {
-                    let index = self.u8()?;
-                    self.memorise(index)?;
-                }
-                b'r' => {
-                    let index = self.u32()?;
-                    self.memorise(index)?;
-                }
-                0x94 => self.memorise(self.memo.len())?,
-                b'h' => {
-                    let index = self.u8()?;
-                    self.recall(index)?;
-                }
-                b'j' => {
-                    let index = self.u32()?;
-                    self.recall(index)?;
-                }
-                // BINPERSID
-                b'Q' => {
-                    let id = self.stack.pop()?;
-                    self.push(Node::Persistent(id));
-                }
-                // What protocol 2 has better codes for, and extensions.
-                _ => return None,
+                code => self.step(code)?,
             }
         }
+    }
+
+    /// Carries out an opcode; none for what protocol 2 has better codes for, and extensions.
+    fn step(&mut self, code: u8) -> Option<()> {
+        match code {
+            // PROTO, FRAME
+            0x80 => _ = self.take(1)?,
+            0x95 => _ = self.take(8)?,
+            // MARK, POP, POP_MARK, DUP
+            b'(' => self.marks.push(self.stack.len()),
+            b'0' => _ = self.stack.pop()?,
+            b'1' => _ = self.since_mark()?,
+            b'2' => self.stack.push(*self.stack.last()?),
+            b'N' | 0x88..=0x8b | b'J' | b'K' | b'M' | b'G' => self.step_scalar(code)?,
+            b'X' | b'T' | b'U' | b'B' | b'C' | 0x8c..=0x8e | 0x96 => self.step_string(code)?,
+            b']' | b')' | b't' | b'l' | b'a' | b'e' | 0x85..=0x87 | 0x8f..=0x91 => {
+                self.step_list(code)?;
+            }
+            b'}' | b'd' | b's' | b'u' => self.step_dict(code)?,
+            b'c' | 0x93 => self.step_global(code)?,
+            b'R' | b'b' | 0x81 | 0x92 => self.step_object(code)?,
+            b'q' | b'r' | b'h' | b'j' | 0x94 => self.step_memo(code)?,
+            // BINPERSID
+            b'Q' => {
+                let id = self.stack.pop()?;
+                self.push(Node::Persistent(id));
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// None, booleans and numbers.
+    fn step_scalar(&mut self, code: u8) -> Option<()> {
+        match code {
+            // NONE, NEWTRUE, NEWFALSE
+            b'N' => self.push(Node::None),
+            0x88 => self.push(Node::Bool(true)),
+            0x89 => self.push(Node::Bool(false)),
+            // BININT, BININT1, BININT2, LONG1, LONG4, BINFLOAT
+            b'J' => {
+                let value = i32::from_le_bytes(self.array()?);
+                self.push(Node::Int(value.into()));
+            }
+            b'K' => self.push_long_of(1)?,
+            b'M' => self.push_long_of(2)?,
+            0x8a => {
+                let length = self.u8()?;
+                self.push_long(length)?;
+            }
+            0x8b => {
+                let length = self.u32()?;
+                self.push_long(length)?;
+            }
+            b'G' => {
+                let value = f64::from_be_bytes(self.array()?);
+                self.push(Node::Float(value));
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Texts, and bytes, which no checkpoint needs.
+    fn step_string(&mut self, code: u8) -> Option<()> {
+        match code {
+            // BINUNICODE, SHORT_BINUNICODE, BINUNICODE8, BINSTRING, SHORT_BINSTRING
+            b'X' | b'T' => {
+                let length = self.u32()?;
+                self.push_text(length)?;
+            }
+            0x8c | b'U' => {
+                let length = self.u8()?;
+                self.push_text(length)?;
+            }
+            0x8d => {
+                let length = self.u64()?;
+                self.push_text(length)?;
+            }
+            // BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8
+            b'B' => {
+                let length = self.u32()?;
+                self.push_other(length)?;
+            }
+            b'C' => {
+                let length = self.u8()?;
+                self.push_other(length)?;
+            }
+            0x8e | 0x96 => {
+                let length = self.u64()?;
+                self.push_other(length)?;
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Lists, tuples and sets.
+    fn step_list(&mut self, code: u8) -> Option<()> {
+        match code {
+            // EMPTY_LIST, EMPTY_TUPLE, EMPTY_SET; TUPLE, LIST, FROZENSET; TUPLE1, TUPLE2,
+            // TUPLE3
+            b']' | b')' | 0x8f => self.push(Node::List(Vec::new())),
+            b't' | b'l' | 0x91 => {
+                let items = self.since_mark()?;
+                self.push(Node::List(items));
+            }
+            0x85..=0x87 => self.push_list(usize::from(code - 0x84))?,
+            // APPEND, APPENDS, ADDITEMS
+            b'a' => {
+                let item = self.stack.pop()?;
+                self.extend_list(&[item])?;
+            }
+            b'e' | 0x90 => {
+                let items = self.since_mark()?;
+                self.extend_list(&items)?;
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Dictionaries.
+    fn step_dict(&mut self, code: u8) -> Option<()> {
+        match code {
+            // EMPTY_DICT, DICT, SETITEM, SETITEMS
+            b'}' => self.push(Node::Dict(Vec::new())),
+            b'd' => {
+                let items = self.since_mark()?;
+                self.push(Node::Dict(Vec::new()));
+                self.extend_dict(&items)?;
+            }
+            b's' => {
+                let (value, key) = (self.stack.pop()?, self.stack.pop()?);
+                self.extend_dict(&[key, value])?;
+            }
+            b'u' => {
+                let items = self.since_mark()?;
+                self.extend_dict(&items)?;
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Names of classes and functions.
+    fn step_global(&mut self, code: u8) -> Option<()> {
+        match code {
+            // GLOBAL, STACK_GLOBAL
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                self.push(Node::Global(format!("{module}.{name}")));
+            }
+            0x93 => {
+                let (name, module) = (self.stack.pop()?, self.stack.pop()?);
+                let (Node::Text(name), Node::Text(module)) =
+                    (&self.nodes[name], &self.nodes[module])
+                else {
+                    return None;
+                };
+                pay(&mut self.names_left, module.len() + 1 + name.len())?;
+                let name = format!("{module}.{name}");
+                self.push(Node::Global(name));
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// What classes and functions make.
+    fn step_object(&mut self, code: u8) -> Option<()> {
+        match code {
+            // REDUCE, NEWOBJ, NEWOBJ_EX
+            b'R' | 0x81 => self.make()?,
+            0x92 => {
+                self.stack.pop()?;
+                self.make()?;
+            }
+            // BUILD: what it sets on a dictionary is not among its entries.
+            b'b' => {
+                let given = self.stack.pop()?;
+                if let Node::Object { state, .. } = &mut self.nodes[*self.stack.last()?] {
+                    *state = Some(given);
+                }
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// The memo, by which values are shared.
+    fn step_memo(&mut self, code: u8) -> Option<()> {
+        match code {
+            // BINPUT, LONG_BINPUT, MEMOIZE, BINGET, LONG_BINGET
+            b'q' => {
+                let index = self.u8()?;
+                self.memorise(index)?;
+            }
+            b'r' => {
+                let index = self.u32()?;
+                self.memorise(index)?;
+            }
+            0x94 => self.memorise(self.memo.len())?,
+            b'h' => {
+                let index = self.u8()?;
+                self.recall(index)?;
+            }
+            b'j' => {
+                let index = self.u32()?;
+                self.recall(index)?;
+            }
+            _ => return None,
+        }
+        Some(())
     }
 
     /// A positive number of one or two bytes.

@@ -1,10 +1,11 @@
 //! `tracklens sweep run`: the runs of a plan, trained here.
 
 use std::collections::VecDeque;
+use std::fmt;
 use std::fs;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -14,7 +15,7 @@ use super::plan::{PLAN, epochs, open, state, training};
 use crate::cli::extract::cancel_on_interrupt;
 use crate::cli::{signals, train};
 use crate::error::{Error, ErrorKind, Result};
-use crate::sweep::{PlannedRun, RunPlace, State};
+use crate::sweep::{Plan, PlannedRun, RunPlace, State};
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct RunArguments {
@@ -102,132 +103,199 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 fn run_all(arguments: &RunArguments) -> Result<()> {
     let (plan, folder) = open(&arguments.sweep)?;
-    let program = std::env::current_exe().map_err(|e| Error::io("tracklens", &e))?;
-    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    let threads = arguments
-        .threads
-        .map_or((cores / arguments.jobs).max(1), NonZeroUsize::get);
-    let mut waiting = VecDeque::new();
-    let (mut complete, mut elsewhere, mut failed) = (0, Vec::new(), Vec::new());
-    for (i, run) in plan.runs.iter().enumerate() {
-        match state(&folder, run).1 {
-            State::Done => complete += 1,
-            State::Running { holder, .. } => {
-                elsewhere.push(format!("{}: {holder} works on it", run.run))
-            }
-            _ => waiting.push_back((i + 1, run)),
-        }
-    }
     let cancel = cancel_on_interrupt()?;
-    let bars = MultiProgress::new();
-    if arguments.quiet {
-        bars.set_draw_target(indicatif::ProgressDrawTarget::hidden());
-    }
-    let style = |template: &str| {
-        ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar())
-    };
-    let overall = bars.add(ProgressBar::new(plan.runs.len() as u64));
-    overall.set_style(style("runs {wide_bar} {pos}/{len} ({elapsed})"));
-    overall.set_position(complete);
-    let already = complete;
-    let mut jobs: Vec<Job> = Vec::new();
-    let mut asked_to_stop = None;
+    let mut work = Work::new(arguments, &plan, &folder)?;
     loop {
-        if cancel.is_cancelled() && asked_to_stop.is_none() {
-            asked_to_stop = Some(Instant::now());
-            waiting.clear();
-            for job in &jobs {
-                signals::end(&job.process);
-            }
+        if cancel.is_cancelled() {
+            work.stop();
         }
-        while jobs.len() < arguments.jobs.get() {
-            let Some((line, run)) = waiting.pop_front() else {
-                break;
-            };
-            let place = RunPlace::new(&folder, &run.run);
-            let process = match start(&program, &folder, &place, line, threads) {
-                Ok(process) => process,
-                Err(e) => {
-                    overall.suspend(|| eprintln!("{}: {e}", run.run));
-                    failed.push(run.run.as_str());
-                    continue;
-                }
-            };
-            let planned = state(&folder, run).0;
-            let bar = bars.insert_before(&overall, ProgressBar::new(planned.into()));
-            bar.set_style(style("{msg} {wide_bar} epoch {pos}/{len} ({eta} left)"));
-            bar.set_message(run.run.clone());
-            jobs.push(Job {
-                run,
-                place,
-                process,
-                bar,
-            });
-        }
-        if jobs.is_empty() {
+        work.start_waiting();
+        if work.jobs.is_empty() {
             break;
         }
         std::thread::sleep(LOOK);
-        let mut still = Vec::new();
-        for mut job in jobs {
-            job.bar.set_position(job.place.epochs());
-            let ended = job
-                .process
-                .try_wait()
-                .map_err(|e| Error::io(&job.run.run, &e))?;
-            let Some(status) = ended else {
-                if asked_to_stop.is_some_and(|when| when.elapsed() > PATIENCE) {
-                    job.process
-                        .kill()
-                        .map_err(|e| Error::io(&job.run.run, &e))?;
-                }
-                still.push(job);
-                continue;
-            };
-            job.bar.finish_and_clear();
-            if status.success() {
-                complete += 1;
-                overall.set_position(complete);
-            } else if asked_to_stop.is_none() {
-                let why = match state(&folder, job.run).1 {
-                    State::Failed { error, .. } => error,
-                    // Another process was faster.
-                    State::Running { holder, .. } => {
-                        elsewhere.push(format!("{}: {holder} works on it", job.run.run));
-                        continue;
-                    }
-                    _ => format!("ended with {status}; see {}", said(&job.place).display()),
-                };
-                overall.suspend(|| eprintln!("{}: {why}", job.run.run));
-                failed.push(job.run.run.as_str());
+        work.look()?;
+    }
+    work.outcome()
+}
+
+/// All runs of a sweep, some at work in processes of their own.
+struct Work<'a> {
+    plan: &'a Plan,
+    folder: &'a Path,
+    program: PathBuf,
+    threads: usize,
+    /// How many jobs there may be.
+    most: usize,
+    /// Lines of the plan, counted from 1, and their runs.
+    waiting: VecDeque<(usize, &'a PlannedRun)>,
+    jobs: Vec<Job<'a>>,
+    complete: u64,
+    /// How many were complete at the start.
+    already: u64,
+    /// Runs that others work on, in words.
+    elsewhere: Vec<String>,
+    failed: Vec<&'a str>,
+    asked_to_stop: Option<Instant>,
+    bars: MultiProgress,
+    overall: ProgressBar,
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar())
+}
+
+impl<'a> Work<'a> {
+    fn new(arguments: &RunArguments, plan: &'a Plan, folder: &'a Path) -> Result<Self> {
+        let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        let (mut waiting, mut already, mut elsewhere) = (VecDeque::new(), 0, Vec::new());
+        for (i, run) in plan.runs.iter().enumerate() {
+            match state(folder, run).1 {
+                State::Done => already += 1,
+                State::Running { holder, .. } => elsewhere.push(worked_on(run, &holder)),
+                _ => waiting.push_back((i + 1, run)),
             }
         }
-        jobs = still;
+        let bars = MultiProgress::new();
+        if arguments.quiet {
+            bars.set_draw_target(indicatif::ProgressDrawTarget::hidden());
+        }
+        let overall = bars.add(ProgressBar::new(plan.runs.len() as u64));
+        overall.set_style(style("runs {wide_bar} {pos}/{len} ({elapsed})"));
+        overall.set_position(already);
+        Ok(Self {
+            plan,
+            folder,
+            program: std::env::current_exe().map_err(|e| Error::io("tracklens", &e))?,
+            threads: arguments
+                .threads
+                .map_or((cores / arguments.jobs).max(1), NonZeroUsize::get),
+            most: arguments.jobs.get(),
+            waiting,
+            jobs: Vec::new(),
+            complete: already,
+            already,
+            elsewhere,
+            failed: Vec::new(),
+            asked_to_stop: None,
+            bars,
+            overall,
+        })
     }
-    overall.finish_and_clear();
-    for run in &elsewhere {
-        eprintln!("{run}");
+
+    /// Asks the trainings to end, once, and starts no other.
+    fn stop(&mut self) {
+        if self.asked_to_stop.is_none() {
+            self.asked_to_stop = Some(Instant::now());
+            self.waiting.clear();
+            for job in &self.jobs {
+                signals::end(&job.process);
+            }
+        }
     }
-    let total = plan.runs.len();
-    eprintln!(
-        "{complete} of {total} runs are complete ({already} were before), {} failed, {} are worked on elsewhere",
-        failed.len(),
-        elsewhere.len()
-    );
-    if asked_to_stop.is_some() {
-        return Err(Error::cancelled().at("the same command goes on"));
+
+    fn start_waiting(&mut self) {
+        while self.jobs.len() < self.most {
+            let Some((line, run)) = self.waiting.pop_front() else {
+                break;
+            };
+            let place = RunPlace::new(self.folder, &run.run);
+            match start(&self.program, self.folder, &place, line, self.threads) {
+                Ok(process) => {
+                    let epochs = state(self.folder, run).0;
+                    let bar = ProgressBar::new(epochs.into());
+                    let bar = self.bars.insert_before(&self.overall, bar);
+                    bar.set_style(style("{msg} {wide_bar} epoch {pos}/{len} ({eta} left)"));
+                    bar.set_message(run.run.clone());
+                    self.jobs.push(Job {
+                        run,
+                        place,
+                        process,
+                        bar,
+                    });
+                }
+                Err(e) => self.fail(run, &e),
+            }
+        }
     }
-    if !failed.is_empty() {
-        return Err(Error::new(
-            ErrorKind::Numeric,
-            format!(
-                "{} of {total} runs failed: {}",
-                failed.len(),
-                failed.join(", ")
-            ),
-        ));
+
+    fn fail(&mut self, run: &'a PlannedRun, why: &dyn fmt::Display) {
+        self.overall.suspend(|| eprintln!("{}: {why}", run.run));
+        self.failed.push(&run.run);
     }
-    Ok(())
+
+    /// How far the jobs are, and which ended.
+    fn look(&mut self) -> Result<()> {
+        for mut job in std::mem::take(&mut self.jobs) {
+            job.bar.set_position(job.place.epochs());
+            let failed = |e: std::io::Error| Error::io(&job.run.run, &e);
+            if let Some(status) = job.process.try_wait().map_err(failed)? {
+                job.bar.finish_and_clear();
+                self.ended(&job, status);
+            } else {
+                if self
+                    .asked_to_stop
+                    .is_some_and(|when| when.elapsed() > PATIENCE)
+                {
+                    job.process.kill().map_err(failed)?;
+                }
+                self.jobs.push(job);
+            }
+        }
+        Ok(())
+    }
+
+    fn ended(&mut self, job: &Job<'a>, status: ExitStatus) {
+        if status.success() {
+            self.complete += 1;
+            self.overall.set_position(self.complete);
+        } else if self.asked_to_stop.is_none() {
+            match state(self.folder, job.run).1 {
+                State::Failed { error, .. } => self.fail(job.run, &error),
+                // Another process was faster.
+                State::Running { holder, .. } => {
+                    self.elsewhere.push(worked_on(job.run, &holder));
+                }
+                _ => {
+                    let said = said(&job.place);
+                    let why = format!("ended with {status}; see {}", said.display());
+                    self.fail(job.run, &why);
+                }
+            }
+        }
+    }
+
+    /// Says how many runs are complete; an error when not all of them could be.
+    fn outcome(self) -> Result<()> {
+        self.overall.finish_and_clear();
+        for run in &self.elsewhere {
+            eprintln!("{run}");
+        }
+        let (total, failed) = (self.plan.runs.len(), self.failed.len());
+        eprintln!(
+            "{} of {total} runs are complete ({} were before), {failed} failed, {} are worked on elsewhere",
+            self.complete,
+            self.already,
+            self.elsewhere.len()
+        );
+        if self.asked_to_stop.is_some() {
+            return Err(Error::cancelled().at("the same command goes on"));
+        }
+        if failed > 0 {
+            return Err(Error::new(
+                ErrorKind::Numeric,
+                format!(
+                    "{failed} of {total} runs failed: {}",
+                    self.failed.join(", ")
+                ),
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn worked_on(run: &PlannedRun, holder: &impl fmt::Display) -> String {
+    format!("{}: {holder} works on it", run.run)
 }
 
 /// The standard error of a run. The file lies next to the folder of the run, since it exists before

@@ -35,7 +35,7 @@ pub use write::{ground_truth_csv, keypoints_csv};
 
 use super::names::natural;
 use super::reading::{
-    AxisOrder, Layout, Notice, Reading, Space, Table, TableOptions, missing_image_size,
+    AxisOrder, Layout, Notice, Parsed, Reading, Space, TableOptions, missing_image_size,
     ndc_from_pixels, point_notices,
 };
 use crate::error::{Error, Result};
@@ -63,7 +63,7 @@ pub fn parse_ground_truth(
     bytes: &[u8],
     name: &str,
     options: &TableOptions,
-) -> Result<Table<GroundTruth>> {
+) -> Result<Parsed<GroundTruth>> {
     let read = || {
         let (raw, reading) = read(bytes, name, Content::GroundTruth, options)?;
         if let Some(row) = raw
@@ -85,7 +85,7 @@ pub fn parse_ground_truth(
         ));
         check_size(&raw, &reading)?;
         let content = GroundTruth::new(keys, names, points)?;
-        Ok(Table {
+        Ok(Parsed {
             content,
             reading,
             notices,
@@ -103,7 +103,7 @@ pub fn parse_keypoints(
     bytes: &[u8],
     name: &str,
     options: &TableOptions,
-) -> Result<Table<KeypointTrack>> {
+) -> Result<Parsed<KeypointTrack>> {
     let read = || {
         let (raw, reading) = read(bytes, name, Content::Keypoints, options)?;
         let count = raw.points.len();
@@ -125,7 +125,7 @@ pub fn parse_keypoints(
         ));
         check_size(&raw, &reading)?;
         let content = KeypointTrack::new(keys, points)?;
-        Ok(Table {
+        Ok(Parsed {
             content,
             reading,
             notices,

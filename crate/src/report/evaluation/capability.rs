@@ -8,7 +8,9 @@ use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
-use crate::report::draw::{Decades, Drawn, Theme, anchored, canvas, place, tick, width_of};
+use crate::report::draw::{
+    Area, Decades, Done, Drawn, Theme, anchored, canvas, place, tick, width_of,
+};
 
 /// Factors below are drawn here.
 const FLOOR: f64 = 1e-4;
@@ -94,40 +96,10 @@ pub fn capability(
         for (i, (ratio, name)) in same.iter().enumerate() {
             let at = (ratio.max(low), (i + 1) as f64 / count);
             chart.draw_series([Circle::new(at, 4, theme.good.rgb().filled())])?;
-            let (x, y) = chart.backend_coord(&at);
-            // Before the dot, unless there is no room; above the line that comes from the left.
-            let before = x - width_of(name, em) - em > placed.0.start;
-            let (side, shift) = if before {
-                (HPos::Right, -em / 2)
-            } else {
-                (HPos::Left, em / 2)
-            };
-            let style = theme
-                .text(theme.foreground)
-                .pos(anchored(side, VPos::Center));
-            let down = if before { 0 } else { em };
-            area.draw_text(name, &style, (x + shift, y + down))?;
+            label(area, theme, name, chart.backend_coord(&at), placed.0.start)?;
         }
-        // Which line is which, above the plot.
-        let lines: &[(&str, RGBColor)] = if held_out.is_empty() {
-            &[]
-        } else {
-            &[
-                ("same frames", theme.good.rgb()),
-                ("held-out folds (dashed)", theme.bad.rgb()),
-            ]
-        };
-        let mut left = placed.0.start;
-        for (label, color) in lines {
-            area.draw(&PathElement::new(
-                vec![(left, em), (left + 2 * em, em)],
-                color.stroke_width(2),
-            ))?;
-            let style = theme
-                .text(theme.foreground)
-                .pos(anchored(HPos::Left, VPos::Center));
-            area.draw_text(label, &style, (left + 5 * em / 2, em))?;
-            left += 4 * em + width_of(label, em);
+        if !held_out.is_empty() {
+            legend(area, theme, placed.0.start)?;
         }
         area.draw(&PathElement::new(
             vec![(placed.0.start, placed.1.end), (placed.0.end, placed.1.end)],
@@ -135,6 +107,40 @@ pub fn capability(
         ))?;
         Ok((place(placed), [low, high], [0.0, 1.0]))
     })
+}
+
+/// The name of the object whose dot is at (`x`, `y`): before the dot, unless there is no room from
+/// `start` on; above the line that comes from the left.
+fn label(area: &Area<'_>, theme: &Theme, name: &str, (x, y): (i32, i32), start: i32) -> Done {
+    let em = theme.em();
+    let (side, x, y) = match x - width_of(name, em) - em > start {
+        true => (HPos::Right, x - em / 2, y),
+        false => (HPos::Left, x + em / 2, y + em),
+    };
+    let style = theme
+        .text(theme.foreground)
+        .pos(anchored(side, VPos::Center));
+    area.draw_text(name, &style, (x, y))
+}
+
+/// Which line is which, above the plot, from `left` on.
+fn legend(area: &Area<'_>, theme: &Theme, mut left: i32) -> Done {
+    let em = theme.em();
+    for (label, color) in [
+        ("same frames", theme.good.rgb()),
+        ("held-out folds (dashed)", theme.bad.rgb()),
+    ] {
+        area.draw(&PathElement::new(
+            vec![(left, em), (left + 2 * em, em)],
+            color.stroke_width(2),
+        ))?;
+        let style = theme
+            .text(theme.foreground)
+            .pos(anchored(HPos::Left, VPos::Center));
+        area.draw_text(label, &style, (left + 5 * em / 2, em))?;
+        left += 4 * em + width_of(label, em);
+    }
+    Ok(())
 }
 
 /// Errors divided by thresholds, the smallest first; without objects that have no error.
