@@ -936,6 +936,47 @@ mod train {
     }
 
     #[test]
+    fn an_encoder_starts_pointwise() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("run");
+        let pointwise = ["--encoder-start", "pointwise"];
+        let done = tracklens(&arguments(
+            &out,
+            &[&["--epochs", "1"], &pointwise[..]].concat(),
+        ));
+        assert!(done.status.success(), "{}", stderr(&done));
+        let config = std::fs::read(out.join("config.json")).expect("a configuration");
+        let config: Value = serde_json::from_slice(&config).expect("JSON");
+        assert_eq!(config["encoder_start"], "pointwise");
+
+        let without = tracklens(&arguments(&out, &["--epochs", "2", "--resume"]));
+        assert_eq!(without.status.code(), Some(4));
+        assert!(
+            stderr(&without).contains("encoder_start"),
+            "{}",
+            stderr(&without)
+        );
+        let on = [&["--epochs", "2", "--resume"], &pointwise[..]].concat();
+        let with = tracklens(&arguments(&out, &on));
+        assert!(with.status.success(), "{}", stderr(&with));
+
+        let file = text(&out.join("checkpoint_final.safetensors"));
+        let new = folder.path().join("new");
+        for other in ["--weights", "--first-layer"] {
+            let both = [&[other, &file], &pointwise[..]].concat();
+            let both = tracklens(&arguments(&new, &both));
+            assert_eq!(both.status.code(), Some(2), "{other}");
+        }
+        let unknown = tracklens(&arguments(&new, &["--encoder-start", "pointed"]));
+        assert_eq!(unknown.status.code(), Some(2));
+        assert!(
+            stderr(&unknown).contains("expected `drawn` or `pointwise`"),
+            "{}",
+            stderr(&unknown)
+        );
+    }
+
+    #[test]
     fn the_first_layer_comes_from_another_network() {
         let folder = tempfile::tempdir().expect("a folder");
         let [other, out] = ["other", "run"].map(|name| folder.path().join(name));

@@ -12,7 +12,7 @@ use burn::prelude::{Device, Tensor, TensorData};
 use tracklens::checkpoint::{self, Checkpoint, SaeConfig};
 use tracklens::data::{Filter, Frame};
 use tracklens::engine::{CpuEncoder, Workspace};
-use tracklens::model::{Sae, fresh_weights, load_first_layer, points_xy};
+use tracklens::model::{Sae, fresh_weights, load_first_layer, points_xy, pointwise_encoder};
 
 #[test]
 fn tiny_saes_equal_the_reference() {
@@ -216,6 +216,131 @@ fn file(tensors: &[(&str, &checkpoint::Tensor)]) -> Vec<u8> {
         (*name, view.expect("a tensor"))
     });
     safetensors::serialize(views, None).expect("a file")
+}
+
+#[test]
+fn a_pointwise_encoder_is_orthogonal_in_the_middle_of_its_kernels() {
+    for name in ["basic-vel-std-bg", "dsae", "keynet-vel-std-bg"] {
+        let config = SaeConfig::named(name).expect("an architecture");
+        let drawn = fresh_weights(&config, 3);
+        let plain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let pointwise = |seed: u64| {
+            let mut weights = drawn.clone();
+            pointwise_encoder(&mut weights, &plain, seed).expect("an encoder");
+            weights.tensors
+        };
+        let tensors = pointwise(3);
+        assert_eq!(tensors, pointwise(3), "{name}");
+        for layer in config.encoder_layers() {
+            let weight = format!("{}.weight", layer.name);
+            assert_ne!(tensors[&weight], pointwise(4)[&weight], "{name} {weight}");
+            let tensor = &tensors[&weight];
+            assert_eq!(tensor.shape, drawn.tensors[&weight].shape);
+            let taps = layer.kernel * layer.kernel;
+            let mut filters = Vec::new();
+            for kernel in tensor.data.chunks_exact(taps) {
+                filters.push(f64::from(kernel[taps / 2]));
+                let around = kernel.iter().enumerate().filter(|(i, _)| *i != taps / 2);
+                assert!(around.map(|(_, value)| *value).all(|value| value == 0.0));
+            }
+            let (rows, columns) = (layer.outputs, layer.inputs);
+            let at = |i: usize, k: usize| match rows <= columns {
+                true => filters[i * columns + k],
+                false => filters[k * columns + i],
+            };
+            if layer.name.ends_with("aggregate_conv") {
+                let lengths: Vec<f64> = filters
+                    .chunks_exact(columns)
+                    .map(|filter| filter.iter().map(|v| v * v).sum::<f64>().sqrt())
+                    .collect();
+                let ratio = 10.0_f64.powf(1.0 / (rows - 1) as f64);
+                for (n, length) in lengths.iter().enumerate() {
+                    let expected = 0.5 * ratio.powi(n as i32);
+                    assert!(
+                        (length / expected - 1.0).abs() < 1e-6,
+                        "{name} {n} {length}"
+                    );
+                }
+                continue;
+            }
+            for i in 0..rows.min(columns) {
+                for j in 0..=i {
+                    let dot: f64 = (0..rows.max(columns)).map(|k| at(i, k) * at(j, k)).sum();
+                    let expected = f64::from(u8::from(i == j));
+                    // Filters are f32: relative errors of 6e-8, in sums of products that are at
+                    // most 1 in all.
+                    assert!((dot - expected).abs() < 1e-6, "{name} {weight} {dot}");
+                }
+            }
+            if layer.norm.is_none() {
+                let bias = &tensors[&format!("{}.bias", layer.name)];
+                assert!(bias.data.iter().all(|value| *value == 0.0));
+            }
+        }
+        let convolutions = |name: &str| {
+            name.starts_with("encoder.") && (name.contains("conv") && !name.contains("softmax"))
+        };
+        for (name, tensor) in drawn.tensors.iter().filter(|(n, _)| !convolutions(n)) {
+            assert_eq!(&tensors[name], tensor, "{name}");
+        }
+    }
+}
+
+/// Colours that are multiplied before the first convolution are those that it multiplies itself.
+#[test]
+fn a_pointwise_encoder_takes_colors_as_the_matrix_has_them() {
+    let config = SaeConfig::named("keynet").expect("an architecture");
+    let drawn = fresh_weights(&config, 0);
+    let first = |colors: &[[f64; 3]; 3]| {
+        let mut weights = drawn.clone();
+        pointwise_encoder(&mut weights, colors, 5).expect("an encoder");
+        let data = &weights.tensors["encoder.block1.conv1.weight"].data;
+        data.chunks_exact(49)
+            .map(|kernel| f64::from(kernel[24]))
+            .collect::<Vec<f64>>()
+    };
+    let plain = first(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let whitened = first(&COLORS);
+    for (filter, plain) in whitened.chunks_exact(3).zip(plain.chunks_exact(3)) {
+        for j in 0..3 {
+            let expected: f64 = (0..3).map(|k| plain[k] * COLORS[k][j]).sum();
+            // f32, of numbers that are at most 4.
+            assert!((filter[j] - expected).abs() < 1e-6);
+        }
+    }
+}
+
+const COLORS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [-2.0, 3.0, 0.0], [0.5, -1.0, 4.0]];
+
+/// A pixel that changes is one cell that changes, where every stride has a cell for it.
+#[test]
+fn a_pointwise_encoder_sees_one_pixel_at_a_time() {
+    let mut config = SaeConfig::named("keynet-vel-std-bg").expect("an architecture");
+    config.encoder_channels = vec![8, 8, 8, 8];
+    config.decoder_channels = vec![8, 8, 8];
+    config.encoder_strides = vec![1, 2, 1, 1];
+    let mut weights = fresh_weights(&config, 0);
+    pointwise_encoder(&mut weights, &COLORS, 0).expect("an encoder");
+    let device = Device::flex();
+    let sae = Sae::from_checkpoint(&weights, &device).expect("an SAE");
+    let maps = |pixel: f32| {
+        let mut image = vec![0.5; 3 * 32 * 32];
+        image[10 * 32 + 20] = pixel;
+        let maps = sae.encoder.maps(batch(&[1, 3, 32, 32], image, &device));
+        assert_eq!(maps.dims(), [1, 30, 16, 16]);
+        values(maps)
+    };
+    let (before, after) = (maps(0.5), maps(1.0));
+    let changed: Vec<usize> = (0..before.len())
+        // Maps are of the size of 1; Winograd's transforms round what should stay the same.
+        .filter(|i| (before[*i] - after[*i]).abs() > 1e-5)
+        .map(|i| i % 256)
+        .collect();
+    assert!(!changed.is_empty());
+    assert!(
+        changed.iter().all(|cell| *cell == 5 * 16 + 10),
+        "{changed:?}"
+    );
 }
 
 #[test]

@@ -10,10 +10,10 @@ use tracklens::data::{EncodedFrames, FrameIndex, TableOptions, parse_ground_trut
 use tracklens::engine::{CpuEncoder, Workspace};
 use tracklens::error::Error;
 use tracklens::event::{Cancel, Event};
-use tracklens::model::fresh_weights;
+use tracklens::model::{fresh_weights, pointwise_encoder};
 use tracklens::run::{
-    BackgroundStart, CONFIG, ColorError, EpochLog, LOG, RunConfig, SUMMARY, Split, SplitBy,
-    TrainConfig, TrainSummary, ValidationFrames, read_log,
+    BackgroundStart, CONFIG, ColorError, EncoderStart, EpochLog, LOG, RunConfig, SUMMARY, Split,
+    SplitBy, TrainConfig, TrainSummary, ValidationFrames, read_log,
 };
 use tracklens::train::{DEFAULT_CACHE, Dataset, Existing, RunLock, RunOptions, train};
 
@@ -374,6 +374,71 @@ fn training_lowers_the_error_of_whitened_colours() {
     let [plain, whitened] = [ColorError::Plain, ColorError::Whitened].map(losses);
     assert!(whitened[2] < whitened[0], "{whitened:?}");
     assert_ne!(whitened, plain, "the option has no effect");
+}
+
+#[test]
+fn the_encoder_has_a_learning_rate_of_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let trained = |name: &str, learning_rate: f64, encoder_learning_rate: Option<f64>| {
+        let out = folder.path().join(name);
+        let config = TrainConfig {
+            learning_rate,
+            encoder_learning_rate,
+            ..config(1)
+        };
+        run(&config, &out);
+        weights(&out).tensors
+    };
+    let same = trained("same", 1e-3, None);
+    assert_eq!(trained("equal", 1e-3, Some(1e-3)), same, "one step, twice");
+    // A rate at which weights stay where they start; the statistics of batch norms are no weights.
+    let start = fresh_weights(&config(1).sae, config(1).seed).tensors;
+    let [still, only] = [("still", 1e-3, 1e-30), ("only", 1e-30, 1e-3)]
+        .map(|(name, rate, of_encoder)| trained(name, rate, Some(of_encoder)));
+    for name in start.keys().filter(|name| name.ends_with("conv1.weight")) {
+        let is_encoder = name.starts_with("encoder.");
+        assert_eq!(still[name] == start[name], is_encoder, "{name}");
+        assert_eq!(only[name] != start[name], is_encoder, "{name}");
+    }
+}
+
+#[test]
+fn an_encoder_that_starts_pointwise_sees_whitened_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run");
+    let config = TrainConfig {
+        encoder_start: EncoderStart::Pointwise,
+        // A rate at which weights stay where they start.
+        learning_rate: 1e-30,
+        ..config(1)
+    };
+    run(&config, &out);
+    let (trained, drawn) = (weights(&out), fresh_weights(&config.sae, config.seed));
+    let name = "encoder.block1.conv1.weight";
+    let tensor = trained.tensor(name).expect("a filter");
+    // The middle of 3 x 3, four filters of three colours.
+    let filters: Vec<f64> = tensor.data.iter().map(|v| f64::from(*v)).collect();
+    for (i, value) in filters.iter().enumerate() {
+        assert_eq!(*value != 0.0, i % 9 == 4, "{i}");
+    }
+    // The same filters of colours as they are, and what whitening made of them.
+    let mut plain = drawn.clone();
+    let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    pointwise_encoder(&mut plain, &identity, config.seed).expect("an encoder");
+    assert_ne!(&plain.tensors[name], tensor);
+    for (name, tensor) in &plain.tensors {
+        let weights = name.ends_with("conv2.weight") || name.ends_with("conv.weight");
+        if weights {
+            assert_eq!(tensor, &trained.tensors[name], "{name}");
+        }
+    }
+    // A resumed run goes on from its state, not from the start.
+    let longer = TrainConfig {
+        epochs: 2,
+        ..config
+    };
+    resume(&longer, &out).expect("a resumed run");
+    assert_eq!(&weights(&out).tensors[name], tensor);
 }
 
 #[test]

@@ -110,6 +110,16 @@ impl Checkpoint {
             .ok_or_else(|| Error::input(format!("the checkpoint has no tensor `{name}`")))
     }
 
+    /// The tensor `name`, to be changed.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn tensor_mut(&mut self, name: &str) -> Result<&mut Tensor> {
+        self.tensors
+            .get_mut(name)
+            .ok_or_else(|| Error::input(format!("the checkpoint has no tensor `{name}`")))
+    }
+
     fn validate(&self) -> Result<()> {
         self.config.validate()?;
         for (name, shape) in self.config.tensor_shapes() {

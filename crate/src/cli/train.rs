@@ -18,8 +18,8 @@ use crate::event::Event;
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer, load_weights};
 use crate::run::{
-    BackgroundStart, ColorError, FirstLayer, Split, SplitBy, StartWeights, TargetFilter,
-    TrainConfig, ValidationFrames,
+    BackgroundStart, ColorError, EncoderStart, FirstLayer, Split, SplitBy, StartWeights,
+    TargetFilter, TrainConfig, ValidationFrames,
 };
 use crate::sweep::architecture_named;
 use crate::train::{Dataset, Existing, RunLock, RunOptions, train};
@@ -59,6 +59,10 @@ pub(super) struct TrainArguments {
     /// Adam's learning rate
     #[arg(long, default_value_t = 1e-3)]
     learning_rate: f64,
+    /// Adam's learning rate for the encoder, which keeps what it sees from the start when it is
+    /// smaller; default: that of the decoder
+    #[arg(long)]
+    encoder_learning_rate: Option<f64>,
     /// Standard deviation of the noise on the input
     #[arg(long, default_value_t = 1e-3)]
     noise: f32,
@@ -95,15 +99,19 @@ pub(super) struct TrainArguments {
     /// training targets, which small networks need to find small objects
     #[arg(long, value_name = "START", default_value = "zero", value_parser = named::<BackgroundStart>)]
     background: BackgroundStart,
+    /// How the encoder is drawn: `drawn`, as the authors' code, or `pointwise`, as a random filter of
+    /// colours that sees one pixel at a time, which finds objects of few pixels
+    #[arg(long, value_name = "START", default_value = "drawn", value_parser = named::<EncoderStart>)]
+    encoder_start: EncoderStart,
     /// Start from the first convolution of a trained network (.safetensors, .pth, .bpk), as the
     /// authors' DSAE starts from that of torchvision's DenseNet-201; default: drawn as the other
     /// layers
-    #[arg(long, value_name = "WEIGHTS")]
+    #[arg(long, value_name = "WEIGHTS", conflicts_with = "encoder_start")]
     first_layer: Option<PathBuf>,
     /// Start from all weights of a checkpoint with encoder and decoder (.safetensors, .pth, .bpk)
     /// of the same architecture and sizes, e.g. of a run on other recordings; default: drawn from
     /// the seed
-    #[arg(long, value_name = "CHECKPOINT", conflicts_with_all = ["first_layer", "background"])]
+    #[arg(long, value_name = "CHECKPOINT", conflicts_with_all = ["first_layer", "background", "encoder_start"])]
     weights: Option<PathBuf>,
     /// Also write a TensorBoard event file into the run folder
     #[arg(long)]
@@ -245,6 +253,7 @@ impl TrainArguments {
             seed: self.seed,
             batch: self.batch,
             learning_rate: self.learning_rate,
+            encoder_learning_rate: self.encoder_learning_rate,
             noise: self.noise,
             split: self.split,
             split_by: self.split_by,
@@ -256,6 +265,7 @@ impl TrainArguments {
                 .unwrap_or(self.arch.architecture.velocity_weight()),
             color_error: self.color_error,
             background: self.background,
+            encoder_start: self.encoder_start,
             first_layer: None,
             weights: None,
             device: self.device,

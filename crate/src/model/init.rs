@@ -2,6 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
 
 use crate::checkpoint::{Checkpoint, SIGMA, SaeConfig, TEMPERATURE, Tensor, read_tensors};
 use crate::error::{Error, Result};
@@ -46,6 +47,101 @@ pub fn fresh_weights(config: &SaeConfig, seed: u64) -> Checkpoint {
         tensors,
         metadata: BTreeMap::new(),
     }
+}
+
+/// How sharp the attention of the first and of the last keypoint is in a [`pointwise_encoder`].
+const SHARPNESS: [f64; 2] = [0.5, 5.0];
+
+/// Draws the encoder of an untrained SAE anew, as a filter of colours.
+///
+/// Every convolution becomes a random orthogonal 1 x 1 convolution in the middle of its kernel, zero
+/// around it (a delta-orthogonal start: Xiao et al., "Dynamical Isometry and a Mean Field Theory of
+/// CNNs", ICML 2018); its bias is 0. The maps then have the resolution of their cells from the first
+/// step on, and a keypoint attends to a colour wherever it is in the image. Convolutions drawn as
+/// PyTorch draws them average over all that their kernels see, in which an object of few pixels is
+/// lost.
+///
+/// The first convolution sees colours multiplied by `colors`, a matrix that makes them vary alike in
+/// all directions, so that small coloured objects count as much as large grey ones. The filters of
+/// the maps have lengths from 0.5 to 5, in geometric steps: keypoints with long ones attend to single
+/// cells, as the smallest objects need it, those with short ones to the middle of large parts.
+///
+/// Batch norms and the decoder stay as they are.
+///
+/// # Errors
+/// When a tensor of the encoder is missing.
+pub fn pointwise_encoder(
+    weights: &mut Checkpoint,
+    colors: &[[f64; 3]; 3],
+    seed: u64,
+) -> Result<()> {
+    // Other numbers than those that the decoder was drawn from.
+    let mut rng = StdRng::seed_from_u64(!seed);
+    let layers = weights.config.encoder_layers();
+    for (i, layer) in layers.iter().enumerate() {
+        let (rows, columns) = (layer.outputs, layer.inputs);
+        let mut filters = orthogonal(rows, columns, &mut rng);
+        if i == 0 {
+            for filter in filters.chunks_exact_mut(columns) {
+                let of = |j: usize| (0..3).map(|k| filter[k] * colors[k][j]).sum();
+                let product: [f64; 3] = [of(0), of(1), of(2)];
+                filter.copy_from_slice(&product);
+            }
+        }
+        if layer.norm.is_none() {
+            let [first, last] = SHARPNESS;
+            let steps = (rows.max(2) - 1) as f64;
+            for (n, filter) in filters.chunks_exact_mut(columns).enumerate() {
+                let length = first * (last / first).powf(n as f64 / steps);
+                // Where there are more maps than inputs, rows are shorter than 1.
+                let own = filter.iter().map(|v| v * v).sum::<f64>().sqrt();
+                for value in filter {
+                    *value *= length / own.max(1e-6);
+                }
+            }
+        }
+        let side = layer.kernel;
+        let centre = side * (side / 2) + side / 2;
+        let weight = weights.tensor_mut(&format!("{}.weight", layer.name))?;
+        weight.data.fill(0.0);
+        for (kernel, value) in weight.data.chunks_exact_mut(side * side).zip(filters) {
+            kernel[centre] = value as f32;
+        }
+        if layer.norm.is_none() {
+            let bias = weights.tensor_mut(&format!("{}.bias", layer.name))?;
+            bias.data.fill(0.0);
+        }
+    }
+    Ok(())
+}
+
+/// A random matrix with orthonormal rows or columns, whichever are fewer: row by row, `rows` x
+/// `columns`.
+fn orthogonal(rows: usize, columns: usize, rng: &mut StdRng) -> Vec<f64> {
+    let (count, size) = (rows.min(columns), rows.max(columns));
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
+    while basis.len() < count {
+        let mut vector: Vec<f64> = (0..size).map(|_| rng.sample(StandardNormal)).collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        // Twice: the first time leaves rounding errors of the length that is taken away.
+        for other in basis.iter().chain(&basis) {
+            let along = dot(&vector, other);
+            for (value, other) in vector.iter_mut().zip(other) {
+                *value -= along * other;
+            }
+        }
+        let length = dot(&vector, &vector).sqrt();
+        if length > 1e-6 {
+            basis.push(vector.into_iter().map(|value| value / length).collect());
+        }
+    }
+    (0..rows * columns)
+        .map(|i| (i / columns, i % columns))
+        .map(|(row, column)| match rows <= columns {
+            true => basis[row][column],
+            false => basis[column][row],
+        })
+        .collect()
 }
 
 /// Gives an untrained SAE the first convolution of a trained network, as the authors' DSAE has that

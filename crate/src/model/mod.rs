@@ -57,7 +57,7 @@ pub use decoder::{BackgroundBias, Decoder, Dense, GaussianMaps};
 #[cfg(not(target_arch = "wasm32"))]
 pub use device::{OpenDevice, open};
 pub use encoder::Encoder;
-pub use init::{fresh_weights, load_first_layer, load_weights};
+pub use init::{fresh_weights, load_first_layer, load_weights, pointwise_encoder};
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) use points::host_values;
 pub use points::{points_xy, points_xy_async};

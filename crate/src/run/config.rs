@@ -21,6 +21,10 @@ pub struct TrainConfig {
     pub batch: usize,
     /// Adam's learning rate.
     pub learning_rate: f64,
+    /// Adam's learning rate for the encoder; null: the same. A slow encoder keeps what it sees from
+    /// the start while the decoder, which is random at first, learns what to make of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoder_learning_rate: Option<f64>,
     /// Standard deviation of the noise on the encoder's input.
     pub noise: f32,
     /// Which sequences are for training and which for validation.
@@ -45,6 +49,9 @@ pub struct TrainConfig {
     /// What the background bias of `-bg` starts from.
     #[serde(default, skip_serializing_if = "BackgroundStart::is_zero")]
     pub background: BackgroundStart,
+    /// How an encoder is drawn that does not start from other weights.
+    #[serde(default, skip_serializing_if = "EncoderStart::is_drawn")]
+    pub encoder_start: EncoderStart,
     /// What the encoder's first convolution starts from; null: drawn as the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_layer: Option<FirstLayer>,
@@ -113,6 +120,21 @@ pub enum BackgroundStart {
     Mean,
 }
 
+/// How an untrained encoder is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EncoderStart {
+    /// PyTorch's default for convolutions, as the authors' code.
+    #[default]
+    Drawn,
+    /// Every convolution is a random orthogonal 1 x 1 one in the middle of its kernel, which sees
+    /// the colour of one pixel, whitened as for [`ColorError::Whitened`], and nothing around it
+    /// ([`pointwise_encoder`]).
+    ///
+    /// [`pointwise_encoder`]: crate::model::pointwise_encoder
+    Pointwise,
+}
+
 /// How the colours of a reconstruction are compared with those of its target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -129,6 +151,12 @@ pub enum ColorError {
 impl ColorError {
     fn is_plain(&self) -> bool {
         *self == Self::Plain
+    }
+}
+
+impl EncoderStart {
+    fn is_drawn(&self) -> bool {
+        *self == Self::Drawn
     }
 }
 
@@ -150,6 +178,7 @@ impl TrainConfig {
             seed: 0,
             batch: 32,
             learning_rate: 1e-3,
+            encoder_learning_rate: None,
             noise: 1e-3,
             split: Split::Shares {
                 training: 0.5,
@@ -161,6 +190,7 @@ impl TrainConfig {
             target_filter: TargetFilter::Bilinear,
             color_error: ColorError::Plain,
             background: BackgroundStart::Zero,
+            encoder_start: EncoderStart::Drawn,
             first_layer: None,
             weights: None,
             device: DeviceKind::Cpu,
@@ -191,6 +221,11 @@ impl TrainConfig {
                 "a positive number",
             );
         }
+        if let Some(rate) = self.encoder_learning_rate
+            && !(rate.is_finite() && rate > 0.0)
+        {
+            return wrong("the encoder's learning rate", &rate, "a positive number");
+        }
         if !(self.noise.is_finite() && self.noise >= 0.0) {
             return wrong("the noise", &self.noise, "0 or a positive number");
         }
@@ -213,6 +248,14 @@ impl TrainConfig {
                 "the background's start",
                 &"mean",
                 "zero with weights of a checkpoint, which have a background",
+            );
+        }
+        let starts = self.weights.is_some() || self.first_layer.is_some();
+        if self.encoder_start == EncoderStart::Pointwise && starts {
+            return wrong(
+                "the encoder's start",
+                &"pointwise",
+                "drawn with weights of another network",
             );
         }
         self.split.validate()

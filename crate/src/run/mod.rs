@@ -7,7 +7,7 @@ mod record;
 
 pub use crate::data::{Split, SplitBy};
 pub use config::{
-    BackgroundStart, ColorError, FirstLayer, StartWeights, TargetFilter, TrainConfig,
+    BackgroundStart, ColorError, EncoderStart, FirstLayer, StartWeights, TargetFilter, TrainConfig,
     ValidationFrames,
 };
 pub use folder::{

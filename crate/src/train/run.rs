@@ -29,10 +29,10 @@ use crate::device::Adapter;
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::EvaluationReport;
 use crate::event::{Cancel, Event};
-use crate::model::{OpenDevice, open};
+use crate::model::{OpenDevice, open, pointwise_encoder};
 use crate::run::{
-    BackgroundStart, CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, ColorError, EpochLog, LOG, Losses,
-    RunConfig, STATE, SUMMARY, TrainConfig, TrainSummary, read_log,
+    BackgroundStart, CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, ColorError, EncoderStart, EpochLog,
+    LOG, Losses, RunConfig, STATE, SUMMARY, TrainConfig, TrainSummary, read_log,
 };
 
 /// What to do with a folder that holds a run already.
@@ -163,8 +163,15 @@ fn starts_at_mean(config: &TrainConfig, goes_on: bool) -> bool {
     config.background == BackgroundStart::Mean && !goes_on
 }
 
+/// Whether a training draws its encoder anew, which one that goes on has done.
+fn starts_pointwise(config: &TrainConfig, goes_on: bool) -> bool {
+    config.encoder_start == EncoderStart::Pointwise && !goes_on
+}
+
 fn moments_used(config: &TrainConfig, goes_on: bool) -> bool {
-    config.color_error == ColorError::Whitened || starts_at_mean(config, goes_on)
+    config.color_error == ColorError::Whitened
+        || starts_at_mean(config, goes_on)
+        || starts_pointwise(config, goes_on)
 }
 
 /// The trainer of a run that starts from `weights`, or goes on from `resumed`.
@@ -175,7 +182,8 @@ fn trainer(
     resumed: Option<State>,
     moments: Option<&TargetMoments>,
 ) -> Result<Trainer> {
-    let at_mean = starts_at_mean(config, resumed.is_some());
+    let goes_on = resumed.is_some();
+    let at_mean = starts_at_mean(config, goes_on);
     let trainer = match resumed {
         Some(state) => {
             let mut trainer = Trainer::on(device, &state.weights, config.learning_rate)?;
@@ -183,14 +191,18 @@ fn trainer(
             trainer
         }
         None => {
-            let started = match moments {
+            let mut started = match moments {
                 Some(moments) if at_mean => on_background(weights, &moments.mean)?,
                 _ => weights.clone(),
             };
+            if let Some(moments) = moments.filter(|_| starts_pointwise(config, goes_on)) {
+                pointwise_encoder(&mut started, &moments.whitening()?, config.seed)?;
+            }
             Trainer::on(device, &started, config.learning_rate)?
         }
     }
-    .with_velocity_weight(config.velocity_weight);
+    .with_velocity_weight(config.velocity_weight)
+    .with_encoder_learning_rate(config.encoder_learning_rate);
     match moments {
         Some(moments) if config.color_error == ColorError::Whitened => {
             Ok(trainer.with_color_transform(moments.whitening()?))
@@ -584,10 +596,7 @@ fn on_background(weights: &Checkpoint, mean: &[f64]) -> Result<Checkpoint> {
         .last()
         .ok_or_else(|| Error::input("the decoder has no convolution"))?;
     let bias = weights.tensor(&format!("{}.bias", last.name))?.data.clone();
-    let background = weights
-        .tensors
-        .get_mut(BACKGROUND)
-        .ok_or_else(|| Error::input(format!("the weights have no `{BACKGROUND}`")))?;
+    let background = weights.tensor_mut(BACKGROUND)?;
     let plane = mean.len() / bias.len();
     for ((value, mean), i) in background.data.iter_mut().zip(mean).zip(0..) {
         *value = (mean - f64::from(bias[i / plane])) as f32;

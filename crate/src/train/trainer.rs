@@ -19,6 +19,7 @@ pub struct Trainer {
     sae: Sae,
     optimizer: ModuleOptimizer,
     learning_rate: f64,
+    encoder_learning_rate: Option<f64>,
     velocity_weight: f64,
     color_transform: Option<[[f64; 3]; 3]>,
     /// Without autodiff.
@@ -47,6 +48,7 @@ impl Trainer {
             sae: Sae::from_checkpoint(checkpoint, &device.clone().autodiff())?,
             optimizer: adam(),
             learning_rate,
+            encoder_learning_rate: None,
             device: device.clone(),
         })
     }
@@ -55,6 +57,14 @@ impl Trainer {
     pub fn with_velocity_weight(self, velocity_weight: f64) -> Self {
         Self {
             velocity_weight,
+            ..self
+        }
+    }
+
+    /// The same with another learning rate for the encoder.
+    pub fn with_encoder_learning_rate(self, encoder_learning_rate: Option<f64>) -> Self {
+        Self {
+            encoder_learning_rate,
             ..self
         }
     }
@@ -121,7 +131,13 @@ impl Trainer {
         if !losses.total.is_finite() {
             return Err(Error::numeric(self.diagnose(&losses)));
         }
-        let gradients = GradientsParams::from_grads(loss.backward(), &self.sae);
+        let mut gradients = loss.backward();
+        if let Some(rate) = self.encoder_learning_rate {
+            // What is taken here is not there below: one step moves every weight once.
+            let encoder = GradientsParams::from_module(&mut gradients, &self.sae.encoder);
+            self.sae = self.optimizer.step(rate, self.sae.clone(), encoder);
+        }
+        let gradients = GradientsParams::from_grads(gradients, &self.sae);
         self.sae = self
             .optimizer
             .step(self.learning_rate, self.sae.clone(), gradients);
