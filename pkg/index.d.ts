@@ -39,6 +39,7 @@ export function compile(part: Part): Promise<WebAssembly.Module>;
  * - `looksLikePixels`: `coordinates` lie far outside the image; `space: "px"` reads them as pixels.
  * - `looksLikeNdc`: all coordinates read as pixels lie in the first corner; `space: "ndc"` reads them as they are.
  * - `looksLikeFractions`: no coordinate is negative, as in a unit from 0 to 1.
+ * - `lostPoints`: `points` of them lie at exactly (0, 0) with the least confidence; {@link MinConfidence} hides them.
  * - `assumedAxisOrder`: the file does not say the order of the coordinates; `axisOrder` does.
  */
 export type Reason =
@@ -48,6 +49,7 @@ export type Reason =
   | { type: "looksLikePixels"; coordinates: number }
   | { type: "looksLikeNdc" }
   | { type: "looksLikeFractions" }
+  | { type: "lostPoints"; points: number }
   | { type: "assumedAxisOrder" };
 
 /** The version of the package. */
@@ -114,6 +116,8 @@ export class GroundTruthTable {
   readonly objects: string[];
   readonly frames: number;
   readonly sequences: number;
+  /** Whether positions say how sure they are: `likelihood`, `score`, `confidence`, `visible`, COCO's v. */
+  readonly hasConfidence: boolean;
   readonly reading: Reading;
   /** What a person should know of how the table was read, e.g. a semicolon as separator. */
   readonly notices: string[];
@@ -133,6 +137,8 @@ export class KeypointTable {
   readonly name: string;
   readonly keypoints: number;
   readonly frames: number;
+  /** Whether keypoints say how sure they are. */
+  readonly hasConfidence: boolean;
   readonly reading: Reading;
   readonly notices: string[];
   readonly reasons: Reason[];
@@ -343,6 +349,8 @@ export interface ScoreOptions {
   sequences?: boolean;
   /** Also give other metrics: regression with PCK, min-cost assignment. */
   context?: boolean;
+  /** Smallest confidences at which the TC is also given; default: where the confidences differ. */
+  confidenceLevels?: number[];
 }
 
 /** One object of an {@link Evaluation}. Fields are `null` when the object is visible in no frame. */
@@ -447,6 +455,16 @@ export interface Evaluation {
   };
   /** Whether the data were enough to tell tracking from chance, by object. */
   sufficiency?: Sufficiency[];
+  /** What was hidden, and the TC by the smallest confidence that counts; where keypoints have one. */
+  confidence?: {
+    least_keypoints: number | null;
+    /** `null`: keypoints have no confidence. */
+    hidden_keypoints: number | null;
+    least_truth: number | null;
+    hidden_truth: number | null;
+    /** With other smallest confidences: the share of keypoints that is left, and the errors by object. */
+    levels: { least: number; kept: number; tc: number | null; errors: (number | null)[] }[];
+  };
   /** Where there are two sequences or more, unless `folds` is 0. */
   held_out?: HeldOut;
   /** With `bootstrap`. */
@@ -524,6 +542,12 @@ export interface Series {
   transformed: Float64Array;
 }
 
+/** How sure points have to be to count, in the unit of their file; those below are missing. */
+export interface MinConfidence {
+  keypoints?: number;
+  truth?: number;
+}
+
 /** Ground truth and keypoints, joined; scoring again with other options costs microseconds. */
 export class Scoring {
   /**
@@ -534,6 +558,7 @@ export class Scoring {
     truth: GroundTruthTable,
     keypoints: KeypointTable,
     onNonFinite?: "exclude-point" | "error" | "exclude-frame",
+    minConfidence?: MinConfidence,
   );
   readonly join: JoinReport;
   /** The number of joined frames T. */
@@ -595,6 +620,8 @@ export function capabilityFigure(
   theme: Theme | undefined,
   width: number,
 ): Drawn;
+/** TC over the confidence that keypoints need to count; throws where the evaluation has no such levels. */
+export function confidenceFigure(evaluation: Evaluation, theme: Theme | undefined, width: number): Drawn;
 /** Errors by sequence on a logarithmic y axis, in the order given; the one at `selected` is marked. */
 export function sequencesFigure(
   errors: Float64Array,

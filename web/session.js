@@ -27,6 +27,7 @@ import { count } from "./ui/format.js";
  * @typedef {import("./files/sources.js").Source} Source
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
+ * @typedef {import("./pkg/index.js").MinConfidence} MinConfidence
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
  *
  * Fetches files that come with the page.
@@ -81,6 +82,10 @@ export class Session extends EventTarget {
   frameSize = undefined;
   /** The size of images that are not here, by the user. @type {[number, number] | undefined} */
   saidSize = undefined;
+  /** How sure points have to be to count, by the user. @type {MinConfidence} */
+  minConfidence = {};
+  /** Which of the points that are scored say how sure they are. */
+  confident = { keypoints: false, truth: false };
   /** @type {JoinReport | null} */
   join = null;
   /** The keypoints that are scored. @type {KeypointTable | null} */
@@ -207,6 +212,16 @@ export class Session extends EventTarget {
   setImageSize(size) {
     return this.#change(async () => {
       this.saidSize = size;
+    });
+  }
+
+  /**
+   * Scores the points that are at least this sure; `undefined` takes it back.
+   * @param {MinConfidence} least
+   */
+  setMinConfidence(least) {
+    return this.#change(async () => {
+      this.minConfidence = { ...this.minConfidence, ...least };
     });
   }
 
@@ -470,6 +485,7 @@ export class Session extends EventTarget {
     this.reading = null;
     this.frameSize = undefined;
     this.saidSize = undefined;
+    this.minConfidence = {};
     this.frames = null;
     this.frameSources = [];
     this.join = null;
@@ -620,7 +636,7 @@ export class Session extends EventTarget {
     /** @type {Scoring} */
     let scoring;
     try {
-      scoring = new Scoring(truth, table);
+      scoring = new Scoring(truth, table, undefined, this.#leastConfidence(truth, table));
     } catch (error) {
       this.problems.fail("scoring", error);
       return;
@@ -649,6 +665,21 @@ export class Session extends EventTarget {
     const { least, times } = PREVIEW;
     const now = performance.now();
     this.#previewDue = now + Math.max(least, times * (now - start));
+  }
+
+  /**
+   * The smallest confidences, of tables that have any.
+   * @param {GroundTruthTable} truth
+   * @param {KeypointTable} table
+   * @returns {MinConfidence}
+   */
+  #leastConfidence(truth, table) {
+    this.confident = { keypoints: table.hasConfidence, truth: truth.hasConfidence };
+    const { keypoints, truth: positions } = this.minConfidence;
+    return {
+      ...(table.hasConfidence && keypoints !== undefined ? { keypoints } : {}),
+      ...(truth.hasConfidence && positions !== undefined ? { truth: positions } : {}),
+    };
   }
 
   /** Shows an evaluation that was saved, unless a score is about to come. */

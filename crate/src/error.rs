@@ -58,6 +58,12 @@ pub enum Reason {
     LooksLikeNdc,
     /// No coordinate is negative, as in a unit that goes from 0 to 1 across the image.
     LooksLikeFractions,
+    /// Points lie at exactly (0, 0) with the least confidence, where some programs write what they
+    /// lost.
+    LostPoints {
+        /// How many.
+        points: usize,
+    },
     /// The file does not say in which order the coordinates are; the usual order was assumed.
     AssumedAxisOrder,
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::checkpoint::Format;
-use crate::data::{Layout, is_hidden, is_image, layout_of};
+use crate::data::{Layout, is_hidden, is_image, look_at_table};
 
 /// The endings of files that a browser may play.
 const VIDEO_ENDINGS: [&str; 7] = ["mp4", "m4v", "mov", "webm", "mkv", "avi", "ogv"];
@@ -101,13 +101,8 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
 }
 
 fn table(head: &[u8]) -> (Role, String, bool) {
-    let text = String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head));
-    let header = text.lines().next().unwrap_or_default().to_ascii_lowercase();
-    let fields: csv::StringRecord = header
-        .split([',', ';', '\t'])
-        .map(|c| c.trim().trim_matches('"'))
-        .collect();
-    let has = |name: &str| fields.iter().any(|c| c == name);
+    let (layout, fields) = look_at_table(head);
+    let has = |name: &str| fields.iter().any(|c| c.eq_ignore_ascii_case(name));
     match (has("object"), has("keypoint")) {
         (true, false) => (Role::GroundTruth, "a table with a column `object`".to_owned(), false),
         (false, true) => (Role::Keypoints, "a table with a column `keypoint`".to_owned(), false),
@@ -121,15 +116,15 @@ fn table(head: &[u8]) -> (Role, String, bool) {
             "a table with columns `x` and `y`; a ground truth also needs `object`, keypoints need `keypoint`".to_owned(),
             true,
         ),
-        (false, false) => match layout_of(&fields) {
+        (false, false) => match layout {
             Layout::Wide => (
                 Role::GroundTruth,
                 "a table with two columns a point, e.g. `cube_x,cube_y`; a guess: keypoints can look the same".to_owned(),
                 true,
             ),
-            Layout::DeepLabCut => (
+            Layout::DeepLabCut | Layout::Sleap | Layout::Mot => (
                 Role::GroundTruth,
-                "a table of DeepLabCut; a guess: keypoints can look the same".to_owned(),
+                format!("a table of {layout}; a guess: keypoints can look the same"),
                 true,
             ),
             _ => (
@@ -158,6 +153,13 @@ fn json(head: &[u8]) -> (Role, String, bool) {
             Role::Unknown,
             "numbers of a comparison of runs, which is not read again; expected the folders of the runs, or their evaluations"
                 .to_owned(),
+            false,
+        );
+    }
+    if text.trim_start().starts_with('[') && text.contains("\"image_id\"") {
+        return (
+            Role::Keypoints,
+            "results in COCO's format".to_owned(),
             false,
         );
     }

@@ -4,7 +4,7 @@
 //! at the outer edges of the image. The centre of pixel `(col, row)` of a `W x H` image is at `x =
 //! (2 col + 1) / W - 1`, `y = (2 row + 1) / H - 1`.
 
-use ndarray::{Array3, ArrayView2, Axis};
+use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use crate::error::{Error, Result};
 
@@ -28,6 +28,7 @@ impl std::fmt::Display for FrameKey {
 pub struct KeypointTrack {
     keys: Vec<FrameKey>,
     points: Array3<f64>,
+    confidence: Option<Array2<f64>>,
 }
 
 /// Ground-truth positions `x_k` of objects over time: T frames, K objects, (x, y) in ndc.
@@ -38,6 +39,7 @@ pub struct GroundTruth {
     keys: Vec<FrameKey>,
     names: Vec<String>,
     points_ndc: Array3<f64>,
+    confidence: Option<Array2<f64>>,
 }
 
 fn check_shape(what: &str, keys: &[FrameKey], points: &Array3<f64>) -> Result<()> {
@@ -52,6 +54,17 @@ fn check_shape(what: &str, keys: &[FrameKey], points: &Array3<f64>) -> Result<()
     Ok(())
 }
 
+fn check_confidence(confidence: Option<&Array2<f64>>, points: &Array3<f64>) -> Result<()> {
+    let (t, n, _) = points.dim();
+    match confidence.filter(|confidence| confidence.dim() != (t, n)) {
+        Some(confidence) => Err(Error::input(format!(
+            "the confidence has shape {:?}; expected one number for each of {n} points in {t} frames",
+            confidence.shape()
+        ))),
+        None => Ok(()),
+    }
+}
+
 impl KeypointTrack {
     /// A track of `points` (T x N x 2, latent space or ndc), one row a key.
     ///
@@ -59,7 +72,25 @@ impl KeypointTrack {
     /// When the shape is not (number of keys, N, 2).
     pub fn new(keys: Vec<FrameKey>, points: Array3<f64>) -> Result<Self> {
         check_shape("a keypoint track", &keys, &points)?;
-        Ok(Self { keys, points })
+        Ok(Self {
+            keys,
+            points,
+            confidence: None,
+        })
+    }
+
+    /// The same with the detector's `confidence` in each point, T x N; NaN where it gives none.
+    ///
+    /// # Errors
+    /// When the shape is another one.
+    pub fn with_confidence(self, confidence: Option<Array2<f64>>) -> Result<Self> {
+        check_confidence(confidence.as_ref(), &self.points)?;
+        Ok(Self { confidence, ..self })
+    }
+
+    /// How sure the detector is of each point, T x N, in its own unit; NaN where it does not say.
+    pub fn confidence(&self) -> Option<&Array2<f64>> {
+        self.confidence.as_ref()
     }
 
     /// The frames, in order.
@@ -101,7 +132,23 @@ impl GroundTruth {
             keys,
             names,
             points_ndc,
+            confidence: None,
         })
+    }
+
+    /// The same with a `confidence` in each position, T x K; NaN where there is none.
+    ///
+    /// # Errors
+    /// When the shape is another one.
+    pub fn with_confidence(self, confidence: Option<Array2<f64>>) -> Result<Self> {
+        check_confidence(confidence.as_ref(), &self.points_ndc)?;
+        Ok(Self { confidence, ..self })
+    }
+
+    /// How sure each position is, T x K, in the unit of the file (COCO's v: 1 hidden by something, 2
+    /// visible); NaN where it does not say.
+    pub fn confidence(&self) -> Option<&Array2<f64>> {
+        self.confidence.as_ref()
     }
 
     /// Only the objects `names`, in that order.
@@ -118,11 +165,13 @@ impl GroundTruth {
             })
         };
         let positions = names.iter().map(position).collect::<Result<Vec<usize>>>()?;
+        let confidence = self.confidence.as_ref();
         Self::new(
             self.keys.clone(),
             names.to_vec(),
             self.points_ndc.select(Axis(1), &positions),
-        )
+        )?
+        .with_confidence(confidence.map(|confidence| confidence.select(Axis(1), &positions)))
     }
 
     /// The frames, in order.

@@ -411,7 +411,7 @@ fn bad_files_say_what_is_wrong_and_what_to_do() {
     );
     expect(
         b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.",
-        "which PyTorch wrote before 1.6; load it with a newer PyTorch",
+        "not a complete .pth file (15 bytes); was the download or the copy cut short?",
     );
     expect(
         b"PK\x03\x04 an archive of something else",

@@ -170,7 +170,7 @@ fn bad_tables_are_told_with_line_and_column() {
             "line 2: the position (inf, 0) is infinite",
         ),
         (
-            format!("{}0;0;cube;0,1;0,2\n", header.replace(',', ";")),
+            format!("{header}0,0,cube,\"0,1\",\"0,2\"\n"),
             "`0,1` is not a number; expected a number with a decimal point",
         ),
         (

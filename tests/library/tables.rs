@@ -2,8 +2,8 @@
 
 use ndarray::Array3;
 use tracklens::data::{
-    AxisOrder, FrameIndex, Ground, Space, TableOptions, ground_truth_csv, join, parse_ground_truth,
-    parse_keypoints,
+    AxisOrder, FrameIndex, Ground, Space, TableOptions, ground_truth_csv, join, keypoints_csv,
+    parse_ground_truth, parse_keypoints,
 };
 use tracklens::intake::{Role, classify};
 use tracklens::track::GroundTruth;
@@ -215,11 +215,11 @@ fn an_analysis_of_deeplabcut_is_read() {
     );
     assert_eq!(track.content.points()[[0, 1, 0]], ndc([199.0, 99.0])[0]);
     assert!(
-        track
-            .notices
-            .iter()
-            .any(|n| n.text.contains("likelihoods are ignored"))
+        track.notices.iter().all(|n| !n.text.contains("ignored")),
+        "the likelihoods are read"
     );
+    let confidence = track.content.confidence().expect("likelihoods");
+    assert_eq!(confidence.as_slice(), Some(&[0.9, 0.1, 0.9, 0.2][..]));
     assert!(
         track
             .notices
@@ -480,5 +480,78 @@ fn names_that_a_spreadsheet_would_run_are_written_as_text_and_read_back() {
     assert!(
         written.contains("'=1+1") && written.contains("-1.5,0"),
         "{written}"
+    );
+}
+
+#[test]
+fn every_layout_says_how_sure_its_points_are() {
+    let tidy = "sequence,frame,keypoint,x,y,Likelihood\na,0,0,5,6,0.9\na,0,1,7,8,0.1\na,1,0,1,2,\na,1,1,3,4,1\n";
+    let wide = "frame,p.x,p.y,p.score,q.x,q.y,q.score\n0,5,6,0.9,7,8,0.1\n1,1,2,,3,4,1\n";
+    let deeplabcut = "scorer,s,s,s,s,s,s\nbodyparts,p,p,p,q,q,q\ncoords,x,y,likelihood,x,y,likelihood\n\
+                      0,5,6,0.9,7,8,0.1\n1,1,2,NaN,3,4,1\n";
+    let coco = "{\"images\":[{\"id\":1,\"file_name\":\"a/0.png\"},{\"id\":2,\"file_name\":\"a/1.png\"}],\
+                \"annotations\":[{\"image_id\":1,\"keypoints\":[5,6,0.9,7,8,0.1]},\
+                {\"image_id\":2,\"keypoints\":[1,2,null,3,4,1]}]}";
+    let options = TableOptions {
+        space: Some(Space::Pixels),
+        image_size: Some(SIZE),
+        ..TableOptions::default()
+    };
+    let expected = [0.9, 0.1, f64::NAN, 1.0].map(f64::to_bits);
+    for text in [tidy, wide, deeplabcut, coco] {
+        let table = parse_keypoints(text.as_bytes(), "a.csv", &options).expect(text);
+        let found = table
+            .content
+            .confidence()
+            .unwrap_or_else(|| panic!("{text}"));
+        let bits: Vec<u64> = found.iter().map(|c| c.to_bits()).collect();
+        assert_eq!(bits, expected, "{text}");
+        assert_eq!(
+            table.content.points()[[1, 0, 0]],
+            ndc([1.0, 2.0])[0],
+            "{text}"
+        );
+        // As is what is written of them.
+        let written = keypoints_csv(&table.content);
+        let again = parse_keypoints(written.as_bytes(), "b.csv", &TableOptions::default());
+        assert_eq!(keypoints_csv(&again.expect("a table").content), written);
+    }
+    let truth = coco.replace("0.1", "1").replace("0.9", "0");
+    let truth = parse_ground_truth(truth.as_bytes(), "t.json", &options).expect("a table");
+    assert!(
+        truth.content.points_ndc()[[0, 0, 0]].is_nan(),
+        "v = 0 is not labelled"
+    );
+    assert_eq!(truth.content.confidence().expect("v")[[0, 1]], 1.0);
+    let select = truth.content.select(&["1".to_owned()]).expect("an object");
+    assert_eq!(select.confidence().expect("v").dim(), (2, 1));
+}
+
+#[test]
+fn a_confidence_that_says_nothing_is_not_used() {
+    let rows = |confidence: &str| {
+        let rows = (0..3).map(|t| format!("a,{t},0,0,0,{confidence}\n"));
+        let text = format!(
+            "sequence,frame,keypoint,x,y,confidence\n{}",
+            rows.collect::<String>()
+        );
+        parse_keypoints(text.as_bytes(), "a.csv", &TableOptions::default()).expect("a table")
+    };
+    let zero = rows("0");
+    assert!(zero.content.confidence().is_none());
+    let told = |part: &str| zero.notices.iter().any(|n| n.text.contains(part));
+    assert!(told("the confidence is 0 throughout, and is not used"));
+    assert!(told(
+        "3 points lie at exactly (0, 0) with the least confidence"
+    ));
+    assert!(rows("").content.confidence().is_none());
+    assert!(rows("0.5").content.confidence().is_some());
+    let text = "sequence,frame,object,x,y,visible\na,0,c,1,1,True\na,1,c,0,0,false\n";
+    let hidden = parse_ground_truth(text.as_bytes(), "a.csv", &TableOptions::default());
+    let hidden = hidden.expect("a table").content;
+    assert_eq!(hidden.points_ndc()[[0, 0, 0]], 1.0);
+    assert!(
+        hidden.points_ndc()[[1, 0, 0]].is_nan(),
+        "what is not visible is hidden"
     );
 }

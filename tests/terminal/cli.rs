@@ -1410,6 +1410,9 @@ fn links_and_pipes_in_a_data_set_are_left_out_and_named() {
     symlink(set.join("a"), set.join("again")).expect("a link");
     symlink("nowhere", set.join("a/.#frame_0.png")).expect("a link");
     symlink("/dev/zero", set.join("a/frame_2.png")).expect("a link");
+    // Two more names of a frame.
+    std::fs::hard_link(set.join("a/frame_1.png"), set.join("a/frame_4.png")).expect("a link");
+    symlink(set.join("a/frame_1.png"), set.join("a/frame_5.png")).expect("a link");
     let pipe = Command::new("mkfifo")
         .arg(set.join("a/frame_3.png"))
         .status();
@@ -1433,6 +1436,8 @@ fn links_and_pipes_in_a_data_set_are_left_out_and_named() {
         ("a/.#frame_0.png", "a link to nothing"),
         ("a/frame_2.png", "not a regular file"),
         ("a/frame_3.png", "not a regular file"),
+        ("a/frame_4.png", "a file that is in the data set already"),
+        ("a/frame_5.png", "a file that is in the data set already"),
         ("d7/d8", "more than 8 folders deep"),
     ] {
         assert!(notes.contains(&format!("{name}: {why}")), "{name}: {notes}");

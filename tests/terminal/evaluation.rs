@@ -385,3 +385,191 @@ fn figures_say_where_their_plot_lies() {
     }
     assert!(evaluation_figures(&odd).is_ok());
 }
+
+/// Three objects that move, one of which has a keypoint that jumps where it is not sure.
+fn unsure_tables() -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let (mut plain, mut sure) = (String::new(), String::new());
+    for t in 0..400 {
+        let i = f64::from(t);
+        let (x, y) = (0.8 * (i * 0.9).sin(), 0.8 * (i * 1.7).cos());
+        let _ = writeln!(truth, "a,{t},cube,{x},{y}");
+        let is_lost = t % 5 == 0;
+        let [kx, ky] = if is_lost { [0.9, -0.9] } else { [0.5 * y, x] };
+        let confidence = if is_lost {
+            0.2
+        } else {
+            0.6 + 0.3 * (i * 0.37).sin().abs()
+        };
+        let _ = writeln!(plain, "a,{t},0,{kx},{ky}");
+        let _ = writeln!(sure, "a,{t},0,{kx},{ky},{confidence}");
+    }
+    for (name, text) in [
+        ("gt.csv", truth),
+        (
+            "sure.csv",
+            format!("sequence,frame,keypoint,x,y,likelihood\n{sure}"),
+        ),
+        ("plain.csv", format!("sequence,frame,keypoint,x,y\n{plain}")),
+    ] {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    }
+    folder
+}
+
+#[test]
+fn points_that_are_not_sure_are_missing_when_asked_for() {
+    let folder = unsure_tables();
+    let scored = |more: &[&str]| json(&score(folder.path(), more));
+    let take = |name: &str| {
+        let [from, to] = [name, "kp.csv"].map(|name| folder.path().join(name));
+        std::fs::copy(from, to).expect("copied");
+    };
+    take("plain.csv");
+    let mut plain = scored(&[]);
+    take("sure.csv");
+    let all = scored(&[]);
+    // Without being asked, nothing is hidden: the numbers are those of a table without confidences.
+    assert_eq!(plain.get("confidence"), None);
+    let mut same = all.clone();
+    for result in [&mut plain, &mut same] {
+        let fields = result.as_object_mut().expect("an object");
+        fields.retain(|name, _| name != "command" && name != "confidence");
+    }
+    assert_eq!(same, plain);
+
+    let confidence = &all["confidence"];
+    assert_eq!(
+        (
+            &confidence["least_keypoints"],
+            &confidence["hidden_keypoints"]
+        ),
+        (&Value::Null, &Value::Null)
+    );
+    let levels = confidence["levels"].as_array().expect("levels");
+    let at = |least: f64| {
+        let found = levels.iter().find(|level| number(&level["least"]) == least);
+        found.unwrap_or_else(|| panic!("no level {least} in {levels:?}"))
+    };
+    assert_eq!(number(&at(0.1)["kept"]), 1.0);
+    assert_eq!(at(0.1)["errors"][0], all["objects"][0]["error"]);
+    assert_eq!((number(&at(0.0)["tc"]), number(&at(0.5)["tc"])), (0.0, 1.0));
+    assert_eq!(number(&at(0.5)["kept"]), 0.8);
+    // Where fewer than half of the frames have a keypoint, there is no best one.
+    assert_eq!(at(0.99)["errors"][0], Value::Null);
+
+    let sure = scored(&["--min-confidence", "0.5"]);
+    assert_eq!(number(&sure["tc"]), 1.0);
+    assert_eq!(number(&sure["confidence"]["hidden_keypoints"]), 80.0);
+    assert_eq!(sure["missing"], serde_json::json!([80]));
+    let error = number(&sure["objects"][0]["error"]);
+    // The map is exact: what is left is the rounding of the table's digits.
+    assert!(error < 1e-28, "{error}");
+    assert_eq!(at(0.5)["errors"][0], sure["objects"][0]["error"]);
+    let warnings = sure["warnings"].to_string();
+    assert!(
+        warnings.contains("80 keypoints have a confidence below 0.5 and count as missing"),
+        "{warnings}"
+    );
+    let asked = scored(&["--confidence-levels", "0.3,0.1"]);
+    let asked = asked["confidence"]["levels"].as_array().expect("levels");
+    assert_eq!(
+        asked
+            .iter()
+            .map(|l| number(&l["least"]))
+            .collect::<Vec<_>>(),
+        [0.3, 0.1]
+    );
+
+    let truth = scored(&["--truth-min-confidence", "2"]);
+    assert_eq!(truth["confidence"]["hidden_truth"], Value::Null);
+    assert!(truth["warnings"].to_string().contains("have no confidence"));
+    let wrong = score(folder.path(), &["--min-confidence", "nan"]);
+    assert_eq!(wrong.status.code(), Some(2));
+
+    let figures = folder.path().join("figures");
+    let drawn = score(
+        folder.path(),
+        &[
+            "--figures",
+            "figures",
+            "--report",
+            "r.html",
+            "--min-confidence",
+            "0.5",
+        ],
+    );
+    assert!(drawn.status.success());
+    let figure = std::fs::read_to_string(figures.join("confidence.svg")).expect("a figure");
+    assert!(figure.contains("smallest confidence that counts"));
+    let page = std::fs::read_to_string(folder.path().join("r.html")).expect("a page");
+    assert!(page.contains("share of the keypoints that is left"));
+}
+
+#[test]
+fn positions_that_are_not_sure_are_not_visible_when_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mut images, mut annotations) = (Vec::new(), Vec::new());
+    let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+    for t in 0..60 {
+        let i = f64::from(t);
+        let [x, y] = [50.0 + 40.0 * (i * 0.9).sin(), 50.0 + 40.0 * (i * 1.7).cos()];
+        images.push(serde_json::json!({ "id": t, "file_name": format!("v/{t}.png"), "width": 100, "height": 100 }));
+        // Hidden by something in every fourth frame, where its place was guessed wrong.
+        let (place, v) = if t % 4 == 0 {
+            ([0.0, 0.0], 1)
+        } else {
+            ([x, y], 2)
+        };
+        annotations.push(serde_json::json!({ "image_id": t, "category_id": 1, "keypoints": [place[0], place[1], v] }));
+        let _ = writeln!(keypoints, "v,{t},0,{x},{y}");
+    }
+    let categories = [serde_json::json!({ "id": 1, "name": "p", "keypoints": ["cube"] })];
+    let truth = serde_json::json!({ "images": images, "annotations": annotations, "categories": categories });
+    std::fs::write(folder.path().join("gt.csv"), truth.to_string()).expect("written");
+    std::fs::write(folder.path().join("kp.csv"), keypoints).expect("written");
+    let output = score(folder.path(), &[]);
+    let notes = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        notes.contains("15 points lie at exactly (0, 0)")
+            && notes.contains("--truth-min-confidence"),
+        "{notes}"
+    );
+    assert_eq!(json(&output)["objects"][0]["frames"], 60);
+    let sure = json(&score(folder.path(), &["--truth-min-confidence", "2"]));
+    assert_eq!(sure["objects"][0]["frames"], 45);
+    assert_eq!(sure["confidence"]["hidden_truth"], 15);
+    assert_eq!(sure["objects"][0]["tracked"], true);
+}
+
+#[test]
+fn objects_whose_names_look_alike_have_figures_of_their_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let mut keypoints = String::from("sequence,frame,keypoint,x,y\n");
+    for t in 0..30 {
+        let (x, y) = ((f64::from(t) * 0.9).sin(), (f64::from(t) * 1.7).cos());
+        for name in ["m1 nose", "m1_nose", "M1_nose", "鼻", "耳"] {
+            let _ = writeln!(truth, "a,{t},{name},{x},{y}");
+        }
+        let _ = writeln!(keypoints, "a,{t},0,{y},{x}");
+    }
+    for (name, text) in [("gt.csv", truth), ("kp.csv", keypoints)] {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    }
+    let output = score(folder.path(), &["--figures", "figures", "--sequences"]);
+    assert!(output.status.success());
+    let files = std::fs::read_dir(folder.path().join("figures")).expect("a folder");
+    let names = files.map(|file| {
+        file.expect("a file")
+            .file_name()
+            .to_string_lossy()
+            .to_lowercase()
+    });
+    let of_sequences = names.filter(|n| n.starts_with("sequences-") && n.ends_with(".svg"));
+    let unique: std::collections::BTreeSet<String> = of_sequences.collect();
+    assert_eq!(unique.len(), 5, "{unique:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("7 figures written"), "{said}");
+}

@@ -9,7 +9,9 @@ mod cli_checkpoint;
 mod evaluation;
 #[cfg(all(feature = "train", unix))]
 mod integrity;
+mod memory;
 mod mutations;
+mod public;
 mod recorder;
 mod report;
 #[cfg(all(feature = "train", unix))]

@@ -7,6 +7,7 @@
 import { announce, byId, fill, h } from "../ui/dom.js";
 import { capabilityView } from "./capability.js";
 import { card } from "./cards.js";
+import { confidenceView } from "./confidence.js";
 import { contextView } from "./context.js";
 import { exportView } from "./export.js";
 import { matrixView } from "./matrix.js";
@@ -66,9 +67,10 @@ export function showResults(session) {
     const capability = capabilityView(session);
     sequences = sequencesView(session);
     trajectories = session.score.scoring ? trajectoriesView(session) : null;
+    const confidence = confidenceView(session);
     const context = contextView(session);
     const taking = exportView(session);
-    const tabs = [matrix, trajectories, capability, sequences, context, taking];
+    const tabs = [matrix, trajectories, capability, confidence, sequences, context, taking];
     views = [summary, ...cards, ...tabs.filter((view) => view !== null)];
     const lists = cards.map(({ element }) => element);
     fill(place, summary.element, h("div", { class: "objects panel" }, ...lists, summary.warnings));
@@ -76,7 +78,7 @@ export function showResults(session) {
       [matrix.element],
       trajectories ? [trajectories.element] : [],
       [sequences.element],
-      [capability.element, context.element],
+      [capability.element, ...(confidence ? [confidence.element] : []), context.element],
       [taking.element],
     ]);
     update();

@@ -31,13 +31,30 @@ impl Checkpoint {
     /// When the bytes are not a complete file of a known format, when a tensor is missing, has another
     /// shape or a value that is not finite, or when the file holds another architecture.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        Self::from_bytes_at(bytes, None)
+    }
+
+    /// As [`Checkpoint::from_bytes`], of the weights whose names begin with `key` and a dot, where a
+    /// file has several sets of weights: those of an average (`ema`), of an actor and a critic.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::from_bytes`], and when there are none under that key.
+    pub fn from_bytes_at(bytes: &[u8], key: Option<&str>) -> Result<Self> {
         // The tensors are at least as large as what they are read from, but for doubles.
         memory::check(
             bytes.len() as u64 / 2,
             "tensors",
             "use a checkpoint with fewer channels",
         )?;
-        Self::from_contents(formats::read(bytes)?)
+        Self::from_contents(formats::read(bytes, key)?)
+    }
+
+    /// Reads `.safetensors` files that hold the parts of one checkpoint.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::from_bytes`], and when a tensor is in two of them.
+    pub fn from_shards(shards: &[Vec<u8>], key: Option<&str>) -> Result<Self> {
+        Self::from_contents(formats::read_shards(shards, key)?)
     }
 
     /// Reads a `.safetensors` file.
@@ -51,8 +68,23 @@ impl Checkpoint {
     fn from_contents(
         Contents {
             tensors,
-            mut metadata,
+            metadata,
+            left_out,
         }: Contents,
+    ) -> Result<Self> {
+        // What is missing may be there as something that cannot be read.
+        let needed = left_out
+            .iter()
+            .find(|(name, _)| name.starts_with("encoder.") || name.starts_with("decoder."));
+        Self::of_parts(tensors, metadata).map_err(|e| match needed {
+            Some((name, what)) => formats::not_float(name, what),
+            None => e,
+        })
+    }
+
+    fn of_parts(
+        tensors: BTreeMap<String, Tensor>,
+        mut metadata: BTreeMap<String, String>,
     ) -> Result<Self> {
         let config = match metadata.remove(CONFIG_KEY) {
             Some(json) => serde_json::from_str(&json).map_err(|e| {
@@ -84,7 +116,14 @@ impl Checkpoint {
         let mut metadata = self.metadata.clone();
         metadata.insert(CONFIG_KEY.to_owned(), self.config_json()?);
         let tensors = self.tensors.clone();
-        formats::write(format, &Contents { tensors, metadata })
+        formats::write(
+            format,
+            &Contents {
+                tensors,
+                metadata,
+                ..Contents::default()
+            },
+        )
     }
 
     /// The bytes of a `.safetensors` file with the configuration and the metadata in its header.

@@ -18,6 +18,11 @@ pub(super) struct ConvertArguments {
     /// The checkpoint to read: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(value_name = "IN")]
     from: PathBuf,
+    /// Which weights, where a file has several sets: what stands before `encoder.` in their names,
+    /// e.g. ema or policy.pi_features_extractor; default: the only ones, or those under
+    /// model_state_dict, state_dict, model or weights
+    #[arg(long, value_name = "KEY")]
+    key: Option<String>,
     /// The file to write; its extension gives the format
     #[arg(value_name = "OUT")]
     to: PathBuf,
@@ -28,6 +33,11 @@ pub(super) struct InspectArguments {
     /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    /// Which weights, where a file has several sets: what stands before `encoder.` in their names,
+    /// e.g. ema or policy.pi_features_extractor; default: the only ones, or those under
+    /// model_state_dict, state_dict, model or weights
+    #[arg(long, value_name = "KEY")]
+    key: Option<String>,
     /// Also show how the CPU engine computes frames of this size, layer by layer
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_size)]
     plan: Option<[u32; 2]>,
@@ -41,6 +51,11 @@ pub(super) struct ExportArguments {
     /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
+    /// Which weights, where a file has several sets: what stands before `encoder.` in their names,
+    /// e.g. ema or policy.pi_features_extractor; default: the only ones, or those under
+    /// model_state_dict, state_dict, model or weights
+    #[arg(long, value_name = "KEY")]
+    key: Option<String>,
     /// Where to write the encoder as an ONNX model (operator set 17)
     #[arg(long, value_name = "ENCODER.onnx", value_parser = super::values::parse_onnx_path)]
     onnx: PathBuf,
@@ -65,7 +80,7 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
                 .at(arguments.to.display()),
         );
     }
-    let checkpoint = files::read_checkpoint(&arguments.from)?;
+    let checkpoint = files::read_checkpoint(&arguments.from, arguments.key.as_deref())?;
     atomic::write(&arguments.to, &checkpoint.to_bytes(format)?)?;
     report_written(&checkpoint, &arguments.to);
     Ok(())
@@ -73,7 +88,7 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
 
 pub(super) fn export(arguments: &ExportArguments) -> Result<()> {
     atomic::check(&arguments.onnx)?;
-    let checkpoint = files::read_checkpoint(&arguments.checkpoint)?;
+    let checkpoint = files::read_checkpoint(&arguments.checkpoint, arguments.key.as_deref())?;
     let model = checkpoint
         .to_onnx()
         .map_err(|e| e.at(arguments.checkpoint.display()))?;
@@ -98,14 +113,16 @@ struct Inspection {
 }
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
-    let bytes = files::read(&arguments.file)?;
-    let unknown = || Error::input("not a checkpoint");
     let place = |e: Error| e.at(arguments.file.display());
-    let checkpoint = Checkpoint::from_bytes(&bytes).map_err(place)?;
+    let files::Weights {
+        checkpoint,
+        format,
+        bytes,
+    } = files::read_weights(&arguments.file, arguments.key.as_deref())?;
     let plan = |size: [u32; 2]| CpuEncoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
     let inspection = Inspection {
-        format: Format::of(&bytes).ok_or_else(unknown)?,
-        bytes: bytes.len(),
+        format,
+        bytes,
         summary: checkpoint.summary(),
         plan: arguments.plan.map(plan).transpose().map_err(place)?,
     };

@@ -383,13 +383,20 @@ fn aligned(truth: &GroundTruth, keys: &[FrameKey]) -> Result<GroundTruth> {
             eprintln!("note: {} {what}", side.len());
         }
     }
-    let mut points = ndarray::Array3::from_elem((keys.len(), truth.names().len(), 2), f64::NAN);
+    let objects = truth.names().len();
+    let mut points = ndarray::Array3::from_elem((keys.len(), objects, 2), f64::NAN);
+    let mut confidence = truth
+        .confidence()
+        .map(|_| ndarray::Array2::from_elem((keys.len(), objects), f64::NAN));
     for (frame, row) in join.pairs {
         points
             .index_axis_mut(ndarray::Axis(0), frame)
             .assign(&truth.frame(row));
+        if let (Some(to), Some(from)) = (&mut confidence, truth.confidence()) {
+            to.row_mut(frame).assign(&from.row(row));
+        }
     }
-    GroundTruth::new(keys.to_vec(), truth.names().to_vec(), points)
+    GroundTruth::new(keys.to_vec(), truth.names().to_vec(), points)?.with_confidence(confidence)
 }
 
 /// One conversion.

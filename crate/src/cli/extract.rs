@@ -70,6 +70,11 @@ struct SourceArguments {
     /// Weights of the encoder: .safetensors, PyTorch's .pth or burn's .bpk
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
+    /// Which weights, where a file has several sets: what stands before `encoder.` in their names,
+    /// e.g. ema or policy.pi_features_extractor; default: the only ones, or those under
+    /// model_state_dict, state_dict, model or weights
+    #[arg(long, value_name = "KEY")]
+    key: Option<String>,
     /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz,
     /// .hdf5)
     #[arg(long, value_name = "PATH")]
@@ -147,7 +152,7 @@ struct Extracted {
 
 impl SourceArguments {
     fn extract(&self, frames: &dyn FrameSource) -> Result<Extracted> {
-        let checkpoint = files::read_checkpoint(&self.checkpoint)?;
+        let checkpoint = files::read_checkpoint(&self.checkpoint, self.key.as_deref())?;
         let place = |e: Error| e.at(self.checkpoint.display());
         let cancel = cancel_on_interrupt()?;
         let bar = progress_bar(self.quiet);

@@ -1,6 +1,6 @@
 //! Files and folders: everything that knows paths.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
@@ -9,12 +9,13 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::hints::hint;
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, Format};
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, Notice, Parsed, Recording, Space,
-    TableOptions, ZIP_MAGIC, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
-    parse_npz_keypoints, read_hdf5_ground_truth,
+    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice, NpyArray, Parsed,
+    Recording, Space, TableOptions, ZIP_MAGIC, ground_truth_of_arrays, keypoints_of_arrays,
+    parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
+    read_hdf5_ground_truth, read_hdf5_keypoints,
 };
 use crate::error::{Error, ErrorKind, Result, without_controls};
 use crate::memory;
@@ -123,12 +124,14 @@ impl TruthArguments {
             ..self.options()
         };
         let name = path.to_string_lossy();
-        let table = match Format::of(path)? {
-            Format::Npz => parse_npz_ground_truth(&read(path)?, &name, &options)?,
-            Format::Hdf5 => {
+        let table = match Kind::of(path)? {
+            Kind::Npz => parse_npz_ground_truth(&read(path)?, &name, &options)?,
+            Kind::Hdf5 => {
                 read_hdf5_ground_truth(open(path)?, &options).map_err(|e| e.at(path.display()))?
             }
-            Format::Other => parse_ground_truth(&read(path)?, &name, &options)?,
+            Kind::Npy => ground_truth_of_arrays(vec![alone(read(path)?)], &options)
+                .map_err(|e| e.at(path.display()))?,
+            Kind::Other => parse_ground_truth(&read(path)?, &name, &options)?,
         };
         self.select(told(table, path))
     }
@@ -170,10 +173,10 @@ impl TruthArguments {
             }
             return Ok(Arc::new(folder));
         }
-        let recording = match Format::of(path)? {
-            Format::Npz => Recording::from_npz(BufReader::new(open(path)?), &self.options()),
-            Format::Hdf5 => Recording::from_hdf5_file(open(path)?, &self.options()),
-            Format::Other => Err(Error::input(
+        let recording = match Kind::of(path)? {
+            Kind::Npz => Recording::from_npz(BufReader::new(open(path)?), &self.options()),
+            Kind::Hdf5 => Recording::from_hdf5_file(open(path)?, &self.options()),
+            Kind::Npy | Kind::Other => Err(Error::input(
                 "neither a folder nor a recording; expected a folder of images, an NPZ or an HDF5 file",
             )),
         };
@@ -217,14 +220,15 @@ impl FrameSource for Placed {
     }
 }
 
-/// What a file is, by its first bytes.
-enum Format {
+/// What a file of points or frames is, by its first bytes.
+enum Kind {
     Npz,
     Hdf5,
+    Npy,
     Other,
 }
 
-impl Format {
+impl Kind {
     fn of(path: &Path) -> Result<Self> {
         let mut head = Vec::new();
         open(path)?
@@ -234,6 +238,7 @@ impl Format {
         Ok(match head {
             _ if head.starts_with(ZIP_MAGIC) => Self::Npz,
             _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
+            _ if head.starts_with(NPY_MAGIC) => Self::Npy,
             _ => Self::Other,
         })
     }
@@ -317,15 +322,43 @@ struct Walk {
     files: Vec<PathBuf>,
     /// What is left out, and why.
     skipped: Vec<(PathBuf, String)>,
-    /// Folders that were visited, by the place that links lead to.
-    visited: HashSet<PathBuf>,
+    /// Files and folders that were visited.
+    visited: HashSet<Place>,
+}
+
+/// What a path leads to, however many names it has.
+#[derive(PartialEq, Eq, Hash)]
+struct Place {
+    /// Device and number, where the system has such.
+    #[cfg(unix)]
+    inode: (u64, u64),
+    #[cfg(not(unix))]
+    path: PathBuf,
+}
+
+impl Place {
+    fn of(path: &Path) -> std::io::Result<Self> {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::MetadataExt as _;
+            let found = std::fs::metadata(path)?;
+            Ok(Self {
+                inode: (found.dev(), found.ino()),
+            })
+        }
+        #[cfg(not(unix))]
+        {
+            let path = path.canonicalize()?;
+            Ok(Self { path })
+        }
+    }
 }
 
 impl Walk {
-    /// Visits `folder` and the folders below it, each once. Follows links, so that a data set may be
+    /// Visits `folder` and what is below it, each file and folder once. Follows links, so that a data set may be
     /// linked together, after everything else in a folder, so that a folder keeps its own name.
     fn visit(&mut self, folder: &Path, depth: usize) -> std::io::Result<()> {
-        self.visited.insert(folder.canonicalize()?);
+        self.visited.insert(Place::of(folder)?);
         let mut paths = std::fs::read_dir(folder)?
             .map(|entry| Ok(entry?.path()))
             .collect::<std::io::Result<Vec<PathBuf>>>()?;
@@ -345,13 +378,16 @@ impl Walk {
         };
         let found = std::fs::metadata(path).map_err(failed)?;
         if found.is_file() {
+            if !self.visited.insert(Place::of(path).map_err(failed)?) {
+                return Err("a file that is in the data set already".to_owned());
+            }
             self.files.push(path.to_owned());
             return Ok(());
         }
         if !found.is_dir() {
             return Err("not a regular file".to_owned());
         }
-        if self.visited.contains(&path.canonicalize().map_err(failed)?) {
+        if self.visited.contains(&Place::of(path).map_err(failed)?) {
             return Err("a folder that is in the data set already".to_owned());
         }
         match depth {
@@ -394,6 +430,15 @@ fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|e| Error::io(path.display(), &e))
 }
 
+/// An array that is a file by itself.
+fn alone(bytes: Vec<u8>) -> NpyArray {
+    NpyArray {
+        name: "keypoints".to_owned(),
+        size: bytes.len() as u64,
+        bytes,
+    }
+}
+
 /// What keypoints are read with in place of the ground truth's options.
 pub(super) struct KeypointsReading {
     pub space: Option<Space>,
@@ -415,15 +460,78 @@ pub(super) fn read_keypoints(
         axes: reading.axes.or(arguments.axis_order),
         image_size: arguments.image_size,
     };
-    let table = match bytes.starts_with(ZIP_MAGIC) {
-        true => parse_npz_keypoints(&bytes, &name, &options)?,
-        false => parse_keypoints(&bytes, &name, &options)?,
+    let table = match &bytes {
+        _ if bytes.starts_with(HDF5_MAGIC) => {
+            read_hdf5_keypoints(open(path)?, &options).map_err(|e| e.at(path.display()))?
+        }
+        _ if bytes.starts_with(ZIP_MAGIC) => parse_npz_keypoints(&bytes, &name, &options)?,
+        _ if bytes.starts_with(NPY_MAGIC) => {
+            keypoints_of_arrays(vec![alone(bytes)], &options).map_err(|e| e.at(path.display()))?
+        }
+        _ => parse_keypoints(&bytes, &name, &options)?,
     };
     Ok(told(table, path))
 }
 
-pub(super) fn read_checkpoint(path: &Path) -> Result<Checkpoint> {
-    Checkpoint::from_bytes(&read(path)?).map_err(|e| e.at(path.display()))
+/// Reads a checkpoint; `key` says which weights, where there are several sets.
+pub(super) fn read_checkpoint(path: &Path, key: Option<&str>) -> Result<Checkpoint> {
+    read_weights(path, key).map(|weights| weights.checkpoint)
+}
+
+/// A checkpoint and what it was read from.
+pub(super) struct Weights {
+    pub checkpoint: Checkpoint,
+    pub format: Format,
+    /// Of all files.
+    pub bytes: usize,
+}
+
+/// What the index of a checkpoint in several files says.
+#[derive(serde::Deserialize)]
+struct ShardIndex {
+    /// By the name of a tensor its file, which lies beside.
+    weight_map: BTreeMap<String, String>,
+}
+
+/// Reads a checkpoint of one file, or of several that an index (`….safetensors.index.json`) names.
+pub(super) fn read_weights(path: &Path, key: Option<&str>) -> Result<Weights> {
+    let placed = |e: Error| e.at(path.display());
+    let bytes = read(path)?;
+    let is_index = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    if !is_index {
+        let checkpoint = Checkpoint::from_bytes_at(&bytes, key).map_err(placed)?;
+        let format = Format::of(&bytes).unwrap_or(Format::PyTorch);
+        let bytes = bytes.len();
+        return Ok(Weights {
+            checkpoint,
+            format,
+            bytes,
+        });
+    }
+    let index: ShardIndex = serde_json::from_slice(&bytes).map_err(|e| {
+        placed(Error::input(format!(
+            "not the index of a checkpoint in several files ({e}); expected `weight_map` with the file of every tensor"
+        )))
+    })?;
+    let files: BTreeSet<&String> = index.weight_map.values().collect();
+    let mut shards = Vec::new();
+    for file in files {
+        // A name leads nowhere but to a file beside.
+        let is_beside = Path::new(file).components().count() == 1 && !file.contains(['/', '\\']);
+        if !is_beside || file == ".." {
+            return Err(placed(Error::input(format!(
+                "the part `{file}` is not the name of a file beside the index"
+            ))));
+        }
+        shards.push(read(&path.with_file_name(file))?);
+    }
+    Ok(Weights {
+        checkpoint: Checkpoint::from_shards(&shards, key).map_err(placed)?,
+        format: Format::Safetensors,
+        bytes: shards.iter().map(Vec::len).sum(),
+    })
 }
 
 fn told<T>(table: Parsed<T>, path: &Path) -> T {

@@ -15,6 +15,10 @@ pub(super) fn hint(reason: &Reason) -> Option<&'static str> {
         Reason::LooksLikeNdc => {
             "`--space ndc` and `--keypoints-space ndc` read positions as they are"
         }
+        Reason::LostPoints { .. } => {
+            "`--min-confidence C` counts keypoints below C as missing, `--truth-min-confidence C` positions of the \
+             ground truth"
+        }
         Reason::AssumedAxisOrder => "`--axis-order yx` reads (y, x)",
         Reason::MissingPoints { .. } | Reason::LooksLikeFractions => return None,
     })

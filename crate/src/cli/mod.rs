@@ -27,6 +27,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::error::{Error, ErrorKind};
+pub use crate::memory::Memory;
 
 /// Do the keypoints track the objects? Scores keypoint detectors with tracking errors and Tracking
 /// Capability.

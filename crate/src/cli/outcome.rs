@@ -3,7 +3,8 @@
 use super::terminal::drawn;
 use crate::error::Result;
 use crate::evaluation::{
-    ContextReport, EvaluationReport, HeldOutReport, IntervalsReport, SequencesReport,
+    ConfidenceReport, ContextReport, EvaluationReport, HeldOutReport, IntervalsReport,
+    SequencesReport,
 };
 use crate::report::{Cell, Column, NONE, Precision, Table};
 
@@ -28,6 +29,9 @@ pub(super) fn print(report: &EvaluationReport) -> Result<()> {
     }
     if let Some(held_out) = &report.held_out {
         print_held_out(held_out)?;
+    }
+    if let Some(confidence) = &report.confidence {
+        print_confidence(confidence)?;
     }
     for of in report.sequences.iter().flatten() {
         print_worst(of)?;
@@ -102,6 +106,27 @@ fn print_held_out(held_out: &HeldOutReport) -> Result<()> {
         held_out.tc,
         errors.join("; ")
     );
+    Ok(())
+}
+
+fn print_confidence(confidence: &ConfidenceReport) -> Result<()> {
+    let levels = confidence.levels.iter().map(|level| {
+        let tc = level
+            .tc
+            .map_or_else(|| "unknown".to_owned(), |tc| format!("{tc:.3}"));
+        format!(
+            "from {} on TC {tc} ({:.1} %)",
+            level.least,
+            100.0 * level.kept
+        )
+    });
+    let levels: Vec<String> = levels.collect();
+    if !levels.is_empty() {
+        say!(
+            "TC by the smallest confidence that counts, with the share of keypoints that is left: {}",
+            levels.join("; ")
+        );
+    }
     Ok(())
 }
 

@@ -9,12 +9,14 @@ use super::files::{self, KeypointsReading, TruthArguments};
 use super::outcome;
 use super::painter::Painter;
 use super::terminal::own_command;
-use super::values::parse_html_path;
+use super::values::{parse_finite, parse_html_path};
 use crate::atomic;
 use crate::command_line;
 use crate::data::{AxisOrder, Space};
 use crate::error::{Error, Result};
-use crate::evaluation::{EvaluationReport, JoinReport, Request, Scoring, Threshold, Thresholds};
+use crate::evaluation::{
+    EvaluationReport, JoinReport, MinConfidence, Request, Scoring, Threshold, Thresholds,
+};
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
 use crate::track::{GroundTruth, KeypointTrack};
@@ -62,6 +64,26 @@ pub(super) struct ScoringArguments {
     /// exclude-frame (left out for all) or error
     #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "exclude-point")]
     non_finite: NonFinite,
+    /// Keypoints whose confidence (likelihood, score, visible) is below it count as missing
+    #[arg(
+        long = command_line::MIN_CONFIDENCE, value_name = "C", value_parser = parse_finite,
+        allow_negative_numbers = true
+    )]
+    min_confidence: Option<f64>,
+    /// Positions of the ground truth whose confidence is below it count as not visible; COCO's v is 1
+    /// for what is hidden by something, 2 for what is visible
+    #[arg(
+        long = command_line::TRUTH_MIN_CONFIDENCE, value_name = "C", value_parser = parse_finite,
+        allow_negative_numbers = true
+    )]
+    truth_min_confidence: Option<f64>,
+    /// Smallest confidences at which the TC is also given (e.g. 0.5,0.9); default: where the
+    /// confidences differ
+    #[arg(
+        long, value_name = "LEVELS", value_delimiter = ',', value_parser = parse_finite,
+        allow_negative_numbers = true
+    )]
+    confidence_levels: Vec<f64>,
     /// Let a keypoint that is missing in more than half of an object's frames be its best one
     #[arg(long)]
     rare_keypoints: bool,
@@ -155,6 +177,7 @@ impl ScoringArguments {
             // Their figures and tables need them.
             sequences: self.sequences || self.report.is_some() || self.figures.is_some(),
             context: self.context,
+            confidence_levels: self.confidence_levels.clone(),
         })
     }
 
@@ -165,7 +188,8 @@ impl ScoringArguments {
         keypoints: &KeypointTrack,
         image_size: Option<[u32; 2]>,
     ) -> Result<()> {
-        let scoring = Scoring::new(truth, keypoints, self.non_finite)?;
+        let least = MinConfidence::new(self.min_confidence, self.truth_min_confidence)?;
+        let scoring = Scoring::with_confidence(truth, keypoints, self.non_finite, least)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
         let mut report = self.request(image_size)?.evaluate(&scoring, &join)?;
         report.command = Some(own_command()?);

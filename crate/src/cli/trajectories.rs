@@ -161,8 +161,8 @@ impl<'a> Drawing<'a> {
     /// The frames and paths of `sequences`.
     fn scenes(&self, sequences: &[SequenceRange]) -> Result<Vec<Scene>> {
         let path = Path::new(&self.run.name).join(CHECKPOINT_FINAL);
-        let extractor =
-            CpuExtractor::new(&files::read_checkpoint(&path)?).map_err(|e| e.at(path.display()))?;
+        let extractor = CpuExtractor::new(&files::read_checkpoint(&path, None)?)
+            .map_err(|e| e.at(path.display()))?;
         let truth = |t: usize, k: usize| {
             self.rows[t].map_or([f64::NAN; 2], |row| {
                 let point = self.truth.frame(row);

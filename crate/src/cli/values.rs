@@ -18,6 +18,12 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
         })
 }
 
+/// A finite number.
+pub(super) fn parse_finite(text: &str) -> Result<f64> {
+    let number = text.parse().ok().filter(|n: &f64| n.is_finite());
+    number.ok_or_else(|| Error::input(format!("`{text}` is no number; expected e.g. 0.5")))
+}
+
 /// The path of a page that is to be written.
 pub(super) fn parse_html_path(text: &str) -> Result<PathBuf> {
     with_ending(text, &["html", "htm"])

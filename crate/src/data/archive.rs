@@ -6,6 +6,7 @@ use std::io;
 use rawzip::{CompressionMethod, ErrorKind, ReaderAt, ZipArchive};
 use serde::Serialize;
 
+use super::archive_name::decoded;
 use crate::error::{Error, Result};
 
 /// The first bytes of a ZIP archive that is not empty.
@@ -141,7 +142,8 @@ impl ArchiveIndex {
 
 impl ArchiveEntry {
     fn new(entry: &rawzip::ZipFileHeaderRecord) -> Self {
-        let path = String::from_utf8_lossy(entry.file_path().as_bytes()).replace('\\', "/");
+        let path =
+            decoded(entry.file_path().as_bytes(), entry.flags().is_utf8()).replace('\\', "/");
         let (packed, size) = (entry.compressed_size_hint(), entry.uncompressed_size_hint());
         let method = entry.compression_method();
         let problem = if entry.flags().is_encrypted() {

@@ -6,8 +6,17 @@ use crate::error::{Error, Result};
 /// The names of arrays of frames.
 pub(super) const FRAMES: [&str; 2] = ["images", "frames"];
 
-/// The names of arrays of points.
-pub(super) const POINTS: [&str; 2] = ["keypoints", "sites"];
+/// The names of arrays of points: those of recordings, of trackers of points, and of TAP-Vid.
+pub(super) const POINTS: [&str; 4] = ["keypoints", "sites", "tracks", "points"];
+
+/// The names of arrays that say how sure points are.
+pub(super) const CONFIDENCES: [&str; 5] = [
+    "confidence",
+    "point_scores",
+    "visibility",
+    "visibles",
+    "occluded",
+];
 
 /// The most frames of a recording: 12 days at 16 frames a second.
 const MAX_FRAMES: usize = 1 << 24;
@@ -18,6 +27,8 @@ pub(super) enum Kind {
     U8,
     F32,
     F64,
+    /// Another number, which is read as F64.
+    Number,
 }
 
 /// An array by its header.
@@ -63,23 +74,34 @@ pub(super) trait ArrayFile: Send + Sync {
     /// The axis order that the file itself states.
     fn axes(&self) -> Option<AxisOrder>;
 
-    /// The names of the points that the file itself states.
+    /// The texts in an array.
+    fn strings(&self, name: &str) -> Result<Vec<String>> {
+        Err(Error::input(format!("`{name}` is no list of texts")))
+    }
+
+    /// Arrays that would be used if they could be read, and why they are not.
+    fn left_out(&self) -> &[String] {
+        &[]
+    }
+
+    /// The names of the points that the file itself states, or why they cannot be read.
     fn point_names(&self) -> Result<Option<Vec<String>>>;
 }
 
-/// The one array of two possible names.
+/// The one array of several possible names.
 pub(super) fn find(
     file: &dyn ArrayFile,
-    names: [&'static str; 2],
+    names: &[&'static str],
 ) -> Result<Option<(&'static str, ArrayInfo)>> {
-    match [file.info(names[0])?, file.info(names[1])?] {
-        [Some(_), Some(_)] => Err(Error::input(format!(
-            "both `{}` and `{}` are there; expected one of them",
-            names[0], names[1]
+    let mut found = Vec::new();
+    for name in names {
+        found.extend(file.info(name)?.map(|info| (*name, info)));
+    }
+    match &found[..] {
+        [(a, _), (b, _), ..] => Err(Error::input(format!(
+            "both `{a}` and `{b}` are there; expected one of them"
         ))),
-        [Some(info), None] => Ok(Some((names[0], info))),
-        [None, Some(info)] => Ok(Some((names[1], info))),
-        [None, None] => Ok(None),
+        _ => Ok(found.pop()),
     }
 }
 

@@ -21,7 +21,7 @@ pub(super) struct FrameArray {
 impl FrameArray {
     pub fn new(name: &str, info: &ArrayInfo) -> Result<Self> {
         let place = || format!("`{name}` ({}, shape {:?})", info.dtype, info.shape);
-        let Some(kind) = info.kind else {
+        let Some(kind) = info.kind.filter(|kind| *kind != Kind::Number) else {
             return Err(Error::input(format!(
                 "{} is of a type that holds no frames; expected uint8, or float32 or float64 in [0, 1]",
                 place()

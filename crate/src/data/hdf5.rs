@@ -11,7 +11,7 @@ use super::points;
 use super::reading::{AxisOrder, Parsed, TableOptions};
 use super::recording::Recording;
 use crate::error::{Error, Result};
-use crate::track::GroundTruth;
+use crate::track::{GroundTruth, KeypointTrack};
 
 /// The first bytes of an HDF5 file.
 pub const HDF5_MAGIC: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
@@ -64,6 +64,15 @@ impl Recording {
 pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Parsed<GroundTruth>> {
     let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
     points::ground_truth(&Hdf5::open(Arc::new(storage))?, options)
+}
+
+/// As [`read_hdf5_ground_truth`], of keypoints of a detector.
+///
+/// # Errors
+/// As [`read_hdf5_ground_truth`].
+pub fn read_hdf5_keypoints(file: File, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+    let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
+    points::keypoints(&Hdf5::open(Arc::new(storage))?, options)
 }
 
 struct Hdf5 {
@@ -160,7 +169,7 @@ impl ArrayFile for Hdf5 {
             Some(Kind::U8) => elements(&dataset, &selection).map(Values::U8),
             Some(Kind::F32) => elements(&dataset, &selection).map(Values::F32),
             Some(Kind::F64) => elements(&dataset, &selection).map(Values::F64),
-            None => {
+            Some(Kind::Number) | None => {
                 return Err(Error::input(format!(
                     "`{name}` is of a type that is not read"
                 )));
@@ -181,6 +190,11 @@ impl ArrayFile for Hdf5 {
             0 => Some(AxisOrder::Xy),
             _ => Some(AxisOrder::Yx),
         }
+    }
+
+    fn strings(&self, name: &str) -> Result<Vec<String>> {
+        let dataset = self.file.dataset(name).map_err(|e| unreadable(name, &e))?;
+        dataset.read_strings().map_err(|e| unreadable(name, &e))
     }
 
     fn point_names(&self) -> Result<Option<Vec<String>>> {

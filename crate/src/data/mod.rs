@@ -2,6 +2,7 @@
 //! and a folder on disk.
 
 mod archive;
+mod archive_name;
 mod arrays;
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 mod blocks;
@@ -31,12 +32,13 @@ pub use archive::{
 pub(crate) use blocks::for_blocks;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
-pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth};
+pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth, read_hdf5_keypoints};
 #[cfg(feature = "train")]
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Join, join};
 pub(crate) use names::{is_hidden, is_image};
+pub use npy::MAGIC as NPY_MAGIC;
 pub use npz::{
     NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
     parse_npz_keypoints,
@@ -46,7 +48,7 @@ pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
 pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, SplitBy, numpy_permutation, parse_episodes};
-pub(crate) use table::layout_of;
+pub(crate) use table::look_at_table;
 #[cfg(feature = "report")]
 #[cfg(feature = "report")]
 pub(crate) use table::quote_csv;

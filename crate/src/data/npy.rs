@@ -6,7 +6,7 @@ use super::arrays::{ArrayInfo, Kind, Values};
 use crate::error::{Error, Result};
 
 /// The first bytes of a `.npy` array.
-pub(super) const MAGIC: &[u8; 6] = b"\x93NUMPY";
+pub const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
 /// Longer than the header of any array of numbers; a guard against damaged files.
 pub(super) const MAX_HEADER: u32 = 1 << 16;
@@ -112,11 +112,19 @@ impl Header {
 
     /// The numbers that `bytes` hold.
     pub fn values(&self, name: &str, bytes: &[u8]) -> Result<Values> {
-        if self.fortran {
-            return Err(Error::input(format!(
-                "`{name}` is stored column by column; save np.ascontiguousarray of it"
-            )));
-        }
+        let by_rows;
+        let bytes = match self.fortran {
+            true if self.bytes() == Some(bytes.len() as u64) => {
+                by_rows = self.by_rows(bytes);
+                &by_rows[..]
+            }
+            true => {
+                return Err(Error::input(format!(
+                    "`{name}` is stored column by column; save np.ascontiguousarray of it"
+                )));
+            }
+            false => bytes,
+        };
         let big = self.dtype.starts_with('>');
         Ok(match self.kind() {
             Some(Kind::U8) => Values::U8(bytes.to_vec()),
@@ -124,6 +132,11 @@ impl Header {
             Some(Kind::F32) => Values::F32(numbers(bytes, f32::from_le_bytes)),
             Some(Kind::F64) if big => Values::F64(numbers(bytes, f64::from_be_bytes)),
             Some(Kind::F64) => Values::F64(numbers(bytes, f64::from_le_bytes)),
+            Some(Kind::Number) => {
+                let number = |bytes: &[u8]| self.number(bytes);
+                let item = self.item.max(1) as usize;
+                Values::F64(bytes.chunks_exact(item).map(number).collect())
+            }
             None => {
                 return Err(Error::input(format!(
                     "`{name}` is of type {}, which is not read",
@@ -131,6 +144,47 @@ impl Header {
                 )));
             }
         })
+    }
+
+    /// The elements of an array that is stored column by column, row by row.
+    fn by_rows(&self, bytes: &[u8]) -> Vec<u8> {
+        let item = self.item as usize;
+        let mut out = Vec::with_capacity(bytes.len());
+        let mut index = vec![0_u64; self.shape.len()];
+        for _ in 0..bytes.len() / item.max(1) {
+            let axes = index.iter().zip(&self.shape).rev();
+            let place = axes.fold(0, |place, (i, n)| place * n + i) as usize * item;
+            out.extend(&bytes[place..place + item]);
+            for (i, n) in index.iter_mut().zip(&self.shape).rev() {
+                *i += 1;
+                if *i < *n {
+                    break;
+                }
+                *i = 0;
+            }
+        }
+        out
+    }
+
+    /// A number of one of the types of [`Kind::Number`].
+    fn number(&self, bytes: &[u8]) -> f64 {
+        let mut little = [0; 8];
+        let used = &mut little[..bytes.len().min(8)];
+        used.copy_from_slice(&bytes[..used.len()]);
+        if self.dtype.starts_with('>') {
+            used.reverse();
+        }
+        let is_negative = used.last().is_some_and(|byte| *byte >= 0x80);
+        if self.dtype.get(1..2) == Some("f") {
+            return half::f16::from_le_bytes([little[0], little[1]]).to_f64();
+        }
+        if self.dtype.get(1..2) == Some("i") && is_negative {
+            little[bytes.len().min(8)..].fill(0xff);
+        }
+        match self.dtype.get(1..2) {
+            Some("i") => i64::from_le_bytes(little) as f64,
+            _ => u64::from_le_bytes(little) as f64,
+        }
     }
 
     /// The array by its header.
@@ -147,6 +201,7 @@ impl Header {
             "u1" => Some(Kind::U8),
             "f4" => Some(Kind::F32),
             "f8" => Some(Kind::F64),
+            "i1" | "i2" | "i4" | "i8" | "u2" | "u4" | "u8" | "f2" | "b1" => Some(Kind::Number),
             _ => None,
         }
     }

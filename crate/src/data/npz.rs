@@ -9,7 +9,7 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::arrays::{ArrayFile, ArrayInfo, FRAMES, POINTS, Values};
+use super::arrays::{ArrayFile, ArrayInfo, CONFIDENCES, FRAMES, POINTS, Values};
 use super::npy::{self, Header, MAX_HEADER, damaged};
 use super::points;
 use super::reading::{AxisOrder, Parsed, TableOptions};
@@ -115,9 +115,15 @@ impl NpyArray {
         FRAMES.contains(&name)
     }
 
-    /// Whether an array of this name is needed as a whole, because it holds points or their names.
+    /// Whether an array of this name is needed as a whole, because it holds points, their names or
+    /// how sure they are.
     pub fn is_needed_whole(name: &str) -> bool {
-        POINTS.contains(&name) || name == "names"
+        Self::holds_points(name) || CONFIDENCES.contains(&name) || name == "names"
+    }
+
+    /// Whether an array of this name holds points.
+    pub fn holds_points(name: &str) -> bool {
+        POINTS.contains(&name)
     }
 }
 
@@ -128,6 +134,8 @@ struct Npz<A> {
     arrays: BTreeMap<String, Member>,
     /// The names of other arrays.
     unused: Vec<String>,
+    /// Arrays that are not needed and cannot be read, and why.
+    left_out: Vec<String>,
 }
 
 /// Where elements lie that are not in memory.
@@ -193,9 +201,9 @@ impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
     fn open(reader: R) -> Result<Self> {
         let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
         let mut arrays = BTreeMap::new();
-        let mut unused = Vec::new();
+        let (mut unused, mut left_out) = (Vec::new(), Vec::new());
         for position in 0..archive.len() {
-            let entry = archive.by_index(position).map_err(|e| broken(&e))?;
+            let mut entry = archive.by_index(position).map_err(|e| broken(&e))?;
             let Some(name) = entry.name().strip_suffix(".npy").map(str::to_owned) else {
                 continue;
             };
@@ -203,14 +211,25 @@ impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
                 unused.push(name);
                 continue;
             }
-            let member =
-                Member::read(&name, position, entry).map_err(|e| e.at(format!("`{name}`")))?;
+            let placed = |e: Error| e.at(format!("`{name}`"));
+            let header = match Header::read(&mut entry) {
+                Ok(header) => header,
+                // Without names, or how sure they are, points are read all the same.
+                Err(e) if !NpyArray::holds_frames(&name) && !NpyArray::holds_points(&name) => {
+                    left_out.push(placed(e).to_string());
+                    unused.push(name);
+                    continue;
+                }
+                Err(e) => return Err(placed(e)),
+            };
+            let member = Member::read(&name, header, position, entry).map_err(placed)?;
             arrays.insert(name, member);
         }
         Ok(Self {
             archive: Mutex::new(archive),
             arrays,
             unused,
+            left_out,
         })
     }
 }
@@ -218,8 +237,12 @@ impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
 impl Member {
     /// An array of an archive. Frames that are stored as they are stay there; everything else is
     /// read here, which checks its checksum.
-    fn read<R: Read + Seek>(name: &str, position: usize, mut entry: ZipFile<R>) -> Result<Self> {
-        let header = Header::read(&mut entry)?;
+    fn read<R: Read + Seek>(
+        name: &str,
+        header: Header,
+        position: usize,
+        entry: ZipFile<R>,
+    ) -> Result<Self> {
         let bytes = header.check(name, entry.size())?;
         if entry.compression() == CompressionMethod::Stored && !NpyArray::is_needed_whole(name) {
             let elements = Elements::Archive(position);
@@ -264,6 +287,7 @@ impl Npz<Elsewhere> {
             archive: Elsewhere,
             arrays,
             unused: Vec::new(),
+            left_out: Vec::new(),
         })
     }
 }
@@ -316,6 +340,10 @@ impl<A: Archive> ArrayFile for Npz<A> {
 
     fn axes(&self) -> Option<AxisOrder> {
         None
+    }
+
+    fn left_out(&self) -> &[String] {
+        &self.left_out
     }
 
     fn point_names(&self) -> Result<Option<Vec<String>>> {

@@ -1,8 +1,8 @@
 //! Points in an array of a recording.
 
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 
-use super::arrays::{ArrayFile, Kind, POINTS, Values, check_frames, count, find, listed};
+use super::arrays::{ArrayFile, CONFIDENCES, POINTS, Values, check_frames, count, find, listed};
 use super::names::cleaned;
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions,
@@ -26,14 +26,14 @@ pub(super) fn keypoints(
     options: &TableOptions,
 ) -> Result<Parsed<KeypointTrack>> {
     let points = points(file, options)?;
-    let mut notices = vec![points.notice];
+    let mut notices = points.notices;
     notices.extend(point_notices(
         &points.values,
         "keypoints are missing or not finite",
     ));
     let keys = keys(points.sequences, points.frames);
     Ok(Parsed {
-        content: KeypointTrack::new(keys, points.values)?,
+        content: KeypointTrack::new(keys, points.values)?.with_confidence(points.confidence)?,
         reading: points.reading,
         notices,
     })
@@ -56,33 +56,104 @@ pub(super) struct Points {
     pub sequences: usize,
     pub frames: usize,
     values: Array3<f64>,
+    /// Frames x points, where the file says how sure they are.
+    confidence: Option<Array2<f64>>,
     names: Vec<String>,
     reading: Reading,
     /// How it was read.
-    notice: Notice,
+    notices: Vec<Notice>,
+}
+
+/// How an array of points is arranged.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Arrangement {
+    /// `[S, T, K, 2]` or `[T, K, 2]`.
+    Frames,
+    /// `[K, T, 2]`, as TAP-Vid has it.
+    Points,
+    /// `[I, 2, K, T]` of I individuals, as SLEAP's analyses have it.
+    Sleap,
+}
+
+impl Arrangement {
+    fn of(file: &dyn ArrayFile, name: &str) -> Result<Self> {
+        let has = |name: &str| file.info(name).map(|info| info.is_some());
+        Ok(match name {
+            "tracks" if has("node_names")? => Self::Sleap,
+            "tracks" | "points" if has("visibles")? || has("occluded")? => Self::Points,
+            _ => Self::Frames,
+        })
+    }
+
+    /// Sequences, frames and points of an array of this shape.
+    fn sizes(self, shape: &[u64]) -> Option<[u64; 3]> {
+        Some(match (self, shape) {
+            (Self::Frames, &[s, t, k, 2]) => [s, t, k],
+            (Self::Frames, &[t, k, 2]) => [1, t, k],
+            (Self::Points, &[k, t, 2]) => [1, t, k],
+            (Self::Sleap, &[i, 2, k, t]) => [1, t, i.checked_mul(k)?],
+            _ => return None,
+        })
+    }
+
+    fn expected(self) -> &'static str {
+        match self {
+            Self::Frames => "[S, T, K, 2] or [T, K, 2]",
+            Self::Points => "[K, T, 2]",
+            Self::Sleap => "[I, 2, K, T]",
+        }
+    }
+
+    /// Where the values of one frame after the other lie in the array, `axes` for each point of
+    /// `shape`.
+    fn place(
+        self,
+        [frames, points]: [usize; 2],
+        axes: usize,
+        at: [usize; 3],
+        individuals: usize,
+    ) -> usize {
+        let [t, k, axis] = at;
+        match self {
+            Self::Frames => (t * points + k) * axes + axis,
+            Self::Points => (k * frames + t) * axes + axis,
+            Self::Sleap => {
+                let nodes = points / individuals.max(1);
+                let (individual, node) = (k / nodes.max(1), k % nodes.max(1));
+                ((individual * axes + axis) * nodes + node) * frames + t
+            }
+        }
+    }
+}
+
+fn floats(values: Values) -> Vec<f64> {
+    match values {
+        Values::U8(values) => values.into_iter().map(f64::from).collect(),
+        Values::F32(values) => values.into_iter().map(f64::from).collect(),
+        Values::F64(values) => values,
+    }
 }
 
 impl Points {
     pub fn read(file: &dyn ArrayFile, options: &TableOptions) -> Result<Option<Self>> {
-        let Some((name, info)) = find(file, POINTS)? else {
+        let Some((name, info)) = find(file, &POINTS)? else {
             return Ok(None);
         };
-        let (sequences, frames, points) = match info.shape[..] {
-            [s, t, k, 2] => (s, t, k),
-            [t, k, 2] => (1, t, k),
-            _ => {
-                return Err(Error::input(format!(
-                    "`{name}` ({}) has shape {:?}; expected [S, T, K, 2] or [T, K, 2]",
-                    info.dtype, info.shape
-                )));
-            }
-        };
+        let arrangement = Arrangement::of(file, name)?;
+        let [sequences, frames, points] = arrangement.sizes(&info.shape).ok_or_else(|| {
+            Error::input(format!(
+                "`{name}` ({}) has shape {:?}; expected {}",
+                info.dtype,
+                info.shape,
+                arrangement.expected()
+            ))
+        })?;
         let size = |n: u64| count(n, name, &info.shape);
         let (sequences, frames, points) = (size(sequences)?, size(frames)?, size(points)?);
         check_frames(sequences, frames, name, &info.shape)?;
-        if !matches!(info.kind, Some(Kind::F32 | Kind::F64)) {
+        if info.kind.is_none() {
             return Err(Error::input(format!(
-                "`{name}` is of type {}; expected float32 or float64, in ndc",
+                "`{name}` is of type {}; expected numbers, in ndc",
                 info.dtype
             )));
         }
@@ -90,15 +161,27 @@ impl Points {
             (sequences as u64)
                 .saturating_mul(frames as u64)
                 .saturating_mul(points as u64)
-                .saturating_mul(2 * 8 * 2),
+                .saturating_mul(2 * 8 * 3),
             "positions",
             "is the file damaged?",
         )
         .map_err(|e| e.at(format!("`{name}`")))?;
-        let mut values = match file.read(name, &[])? {
-            Values::U8(values) => values.into_iter().map(f64::from).collect(),
-            Values::F32(values) => values.into_iter().map(f64::from).collect(),
-            Values::F64(values) => values,
+        let individuals = match (arrangement, info.shape.first()) {
+            (Arrangement::Sleap, Some(individuals)) => *individuals as usize,
+            _ => 1,
+        };
+        let rows = sequences * frames;
+        let given = floats(file.read(name, &[])?);
+        let mut values: Vec<f64> = match arrangement {
+            Arrangement::Frames => given,
+            _ => {
+                let all = (0..rows * points * 2).map(|i| [i / 2 / points, i / 2 % points, i % 2]);
+                let value = |at| {
+                    let place = arrangement.place([rows, points], 2, at, individuals);
+                    given.get(place).copied().unwrap_or(f64::NAN)
+                };
+                all.map(value).collect()
+            }
         };
         let axes = match file.axes() {
             Some(order) => Known::of(options.axes, order, Ground::File),
@@ -117,13 +200,25 @@ impl Points {
                 Some(Reason::AssumedAxisOrder),
             ),
         };
-        let notice = Notice {
+        let mut notices = vec![Notice {
             text: format!("`{name}` is read as {}: {source}", axes.value),
             reason,
+        }];
+        notices.extend(file.left_out().iter().cloned().map(Notice::from));
+        // TAP-Vid's points go from 0 to 1 across the image.
+        let is_share =
+            name == "points" && arrangement == Arrangement::Points && options.space.is_none();
+        if is_share {
+            values.iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
+            notices.push("`points` are read as shares of the image".to_owned().into());
+        }
+        let (space, by) = match name {
+            "tracks" => (Space::Pixels, Ground::File),
+            _ => (Space::Ndc, Ground::Guess),
         };
         let reading = Reading {
             layout: Layout::Arrays,
-            space: Known::of(options.space, Space::Ndc, Ground::Guess),
+            space: Known::of(options.space, space, by),
             axes,
             // Frames are the positions in the array.
             index_base: Known::of(None, 0, Ground::File),
@@ -134,28 +229,37 @@ impl Points {
                 point.copy_from_slice(&ndc_from_pixels([point[0], point[1]], size));
             }
         }
-        let names = match file.point_names()? {
-            Some(names) if names.len() == points => names
+        let mut no_names = |problem: &Error| {
+            notices.push(format!("{problem}: points have numbers").into());
+        };
+        let numbered = || (0..points).map(|k| format!("point_{k}")).collect();
+        let names = match (arrangement, file.point_names()) {
+            (Arrangement::Sleap, _) => names_of_sleap(file, points, individuals)?,
+            (_, Err(e)) => {
+                no_names(&e);
+                numbered()
+            }
+            (_, Ok(Some(names))) if names.len() == points => names
                 .iter()
                 .map(|name| cleaned(name).into_owned())
                 .collect(),
-            Some(names) => {
+            (_, Ok(Some(names))) => {
                 return Err(Error::mismatch(format!(
                     "the file names {} points ({}), `{name}` has {points}; expected one name each",
                     names.len(),
                     names.join(", ")
                 )));
             }
-            None => (0..points).map(|k| format!("point_{k}")).collect(),
+            (_, Ok(None)) => numbered(),
         };
         let length = values.len();
-        let values =
-            Array3::from_shape_vec((sequences * frames, points, 2), values).map_err(|_| {
-                Error::input(format!(
-                    "`{name}` holds {length} values for shape {:?}",
-                    info.shape
-                ))
-            })?;
+        let mut values = Array3::from_shape_vec((rows, points, 2), values).map_err(|_| {
+            Error::input(format!(
+                "`{name}` holds {length} values for shape {:?}",
+                info.shape
+            ))
+        })?;
+        let confidence = confidence(file, arrangement, &mut values, individuals, &mut notices)?;
         if in_pixels && options.image_size.is_none() {
             return Err(missing_image_size(
                 &format!("the positions of `{name}`"),
@@ -164,7 +268,8 @@ impl Points {
         }
         Ok(Some(Self {
             name,
-            notice,
+            notices,
+            confidence,
             reading,
             shape: info.shape,
             sequences,
@@ -185,18 +290,83 @@ impl Points {
                 t % self.frames
             )));
         }
-        let mut notices = vec![self.notice];
+        let mut notices = self.notices;
         notices.extend(point_notices(
             &self.values,
             "positions are missing: the object counts as not visible in that frame",
         ));
         let keys = keys(self.sequences, self.frames);
         Ok(Parsed {
-            content: GroundTruth::new(keys, self.names, self.values)?,
+            content: GroundTruth::new(keys, self.names, self.values)?
+                .with_confidence(self.confidence)?,
             reading: self.reading,
             notices,
         })
     }
+}
+
+/// The confidences of all points, where the file has them in the same arrangement. Those that say
+/// what is visible hide what is not.
+fn confidence(
+    file: &dyn ArrayFile,
+    arrangement: Arrangement,
+    points: &mut Array3<f64>,
+    individuals: usize,
+    notices: &mut Vec<Notice>,
+) -> Result<Option<Array2<f64>>> {
+    let Some((name, info)) = find(file, &CONFIDENCES)? else {
+        return Ok(None);
+    };
+    let (rows, count, _) = points.dim();
+    let number = info
+        .shape
+        .iter()
+        .try_fold(1, |n: u64, side| n.checked_mul(*side));
+    if info.kind.is_none() || number != Some((rows * count) as u64) {
+        notices.push(
+            format!(
+                "`{name}` ({}, shape {:?}) does not say how sure each point is, and is left out",
+                info.dtype, info.shape
+            )
+            .into(),
+        );
+        return Ok(None);
+    }
+    let given = floats(file.read(name, &[])?);
+    let mut confidence = Array2::from_elem((rows, count), f64::NAN);
+    for ((t, k), confidence) in confidence.indexed_iter_mut() {
+        let place = arrangement.place([rows, count], 1, [t, k, 0], individuals);
+        let value = given.get(place).copied().unwrap_or(f64::NAN);
+        *confidence = if name == "occluded" {
+            1.0 - value
+        } else {
+            value
+        };
+        let says_visible = ["visibility", "visibles", "occluded"].contains(&name);
+        if says_visible && *confidence == 0.0 {
+            points[[t, k, 0]] = f64::NAN;
+            points[[t, k, 1]] = f64::NAN;
+        }
+    }
+    Ok(Some(confidence))
+}
+
+/// `track/node`, or the node alone where there is one track.
+fn names_of_sleap(file: &dyn ArrayFile, points: usize, individuals: usize) -> Result<Vec<String>> {
+    let nodes = file.strings("node_names")?;
+    let tracks = file.strings("track_names").unwrap_or_default();
+    let name = |k: usize| {
+        let per = points / individuals.max(1);
+        let (individual, node) = (k / per.max(1), k % per.max(1));
+        let node = nodes.get(node).cloned().unwrap_or_else(|| node.to_string());
+        let name = match (individuals, tracks.get(individual)) {
+            (1, _) => node,
+            (_, Some(track)) => format!("{track}/{node}"),
+            (_, None) => format!("{individual}/{node}"),
+        };
+        cleaned(&name).into_owned()
+    };
+    Ok((0..points).map(name).collect())
 }
 
 pub(super) fn keys(sequences: usize, frames: usize) -> Vec<FrameKey> {

@@ -70,7 +70,9 @@ impl Reading {
     pub(super) fn new(layout: Layout, options: &TableOptions) -> Self {
         let (space, by) = match layout {
             Layout::Tidy | Layout::Wide => (Space::Ndc, Ground::Guess),
-            Layout::DeepLabCut | Layout::Coco => (Space::Pixels, Ground::File),
+            Layout::DeepLabCut | Layout::Sleap | Layout::Mot | Layout::Coco => {
+                (Space::Pixels, Ground::File)
+            }
             Layout::Arrays | Layout::Extraction => (Space::Ndc, Ground::File),
         };
         Self {
@@ -221,6 +223,10 @@ pub enum Layout {
     Wide,
     /// DeepLabCut's CSV.
     DeepLabCut,
+    /// SLEAP's CSV of an analysis.
+    Sleap,
+    /// Boxes in rows without a header, as the MOT challenge has them.
+    Mot,
     /// COCO keypoints, JSON.
     Coco,
     /// Arrays of a recording, NPZ or HDF5.
@@ -235,6 +241,8 @@ impl fmt::Display for Layout {
             Self::Tidy => "one row a point",
             Self::Wide => "one row a frame",
             Self::DeepLabCut => "DeepLabCut",
+            Self::Sleap => "SLEAP",
+            Self::Mot => "MOT boxes",
             Self::Coco => "COCO keypoints",
             Self::Arrays => "arrays of a recording",
             Self::Extraction => "an extraction",
@@ -245,7 +253,8 @@ impl fmt::Display for Layout {
 /// What a person knows about a table and the file does not say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TableOptions {
-    /// The unit of the positions; default: pixels for DeepLabCut and COCO, otherwise ndc.
+    /// The unit of the positions; default: pixels for DeepLabCut, SLEAP, MOT and COCO, otherwise
+    /// ndc.
     pub space: Option<Space>,
     /// The order of the two coordinates under the names x and y; default: (x, y).
     pub axes: Option<AxisOrder>,

@@ -33,7 +33,7 @@ pub struct Recording {
 
 impl Recording {
     pub(super) fn new(file: Box<dyn ArrayFile>, options: &TableOptions) -> Result<Self> {
-        let Some((name, info)) = find(&*file, FRAMES)? else {
+        let Some((name, info)) = find(&*file, &FRAMES)? else {
             return Err(Error::input(format!(
                 "no array of frames; expected `images` or `frames`, found {}",
                 listed(&file.names()?)

@@ -33,8 +33,7 @@ impl Buffer {
             let more = lines - self.lines.len();
             let bytes = more.saturating_mul(size_of::<Line>()) as u64;
             memory::check(bytes, WHAT, ADVICE)?;
-            self.lines
-                .try_reserve_exact(more)
+            memory::trying(|| self.lines.try_reserve_exact(more))
                 .map_err(|_| memory::too_much(bytes, None, WHAT, ADVICE))?;
             self.lines.resize(lines, Line([0.0; LINE]));
         }

@@ -63,6 +63,10 @@ pub struct EvaluationReport {
     /// Whether the data were enough to tell tracking from chance, by object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sufficiency: Option<Vec<Sufficiency>>,
+    /// Which points were hidden because they are not sure, and the TC as a function of the
+    /// confidence; where keypoints have one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<ConfidenceReport>,
     /// The same on sequences that the maps were not fitted on, where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOutReport>,
@@ -76,6 +80,35 @@ pub struct EvaluationReport {
     /// Other metrics of the same data, where they were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub context: Option<ContextReport>,
+}
+
+/// Points that are not sure, and the TC as a function of how sure keypoints have to be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ConfidenceReport {
+    /// Keypoints below it count as missing.
+    pub least_keypoints: Option<f64>,
+    /// How many they are, in the joined frames; null where keypoints have no confidence.
+    pub hidden_keypoints: Option<u64>,
+    /// Positions of the ground truth below it count as not visible.
+    pub least_truth: Option<f64>,
+    /// How many they are, in the joined frames; null where positions have no confidence.
+    pub hidden_truth: Option<u64>,
+    /// With other smallest confidences of the keypoints, ascending as asked for.
+    pub levels: Vec<ConfidenceLevel>,
+}
+
+/// The score when keypoints below a confidence count as missing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ConfidenceLevel {
+    /// The smallest confidence that counts.
+    pub least: f64,
+    /// The share of the keypoints that is left.
+    pub kept: f64,
+    /// Null where there is not enough data.
+    pub tc: Option<f64>,
+    /// The error of every object; null where no keypoint is left in half of its frames.
+    pub errors: Vec<Option<f64>>,
 }
 
 /// The errors of one object by sequence.
@@ -352,6 +385,7 @@ impl EvaluationReport {
             image_size,
             join: join.cloned(),
             sufficiency: None,
+            confidence: None,
             held_out: None,
             intervals: None,
             sequences: None,
@@ -372,6 +406,25 @@ impl EvaluationReport {
             self.warnings.splice(0..0, unknown);
         }
         self.sufficiency = Some(sufficiency);
+    }
+
+    /// Takes up what was hidden, and says it.
+    pub(super) fn take_confidence(&mut self, confidence: ConfidenceReport) {
+        let keypoints = (confidence.least_keypoints, confidence.hidden_keypoints);
+        let truth = (confidence.least_truth, confidence.hidden_truth);
+        for ((least, hidden), what, are) in [
+            (keypoints, "keypoints", "missing"),
+            (truth, "positions of the ground truth", "not visible"),
+        ] {
+            let Some(least) = least else { continue };
+            self.warnings.push(match hidden {
+                Some(n) => format!("{n} {what} have a confidence below {least} and count as {are}"),
+                None => {
+                    format!("the {what} have no confidence: the smallest one, {least}, hides none")
+                }
+            });
+        }
+        self.confidence = Some(confidence);
     }
 
     /// Takes up the held-out errors, and says if they make another TC.

@@ -27,16 +27,18 @@
 //! # Ok::<(), tracklens::Error>(())
 //! ```
 
+mod confidence;
 mod document;
 mod request;
 mod scoring;
 mod thresholds;
 mod unmatched;
 
+pub use confidence::MinConfidence;
 pub use document::{
-    AssignmentReport, ContextReport, EvaluationReport, HeldOutReport, IntervalReport,
-    IntervalsReport, JoinReport, KeypointError, ObjectReport, RegressionReport, SequenceReport,
-    SequencesReport, Unmatched,
+    AssignmentReport, ConfidenceLevel, ConfidenceReport, ContextReport, EvaluationReport,
+    HeldOutReport, IntervalReport, IntervalsReport, JoinReport, KeypointError, ObjectReport,
+    RegressionReport, SequenceReport, SequencesReport, Unmatched,
 };
 pub use request::Request;
 pub use scoring::{Context, Scoring, SequenceError, Series};

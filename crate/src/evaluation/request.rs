@@ -1,11 +1,13 @@
 //! A whole evaluation: what the terminal and the page both call.
 
+use super::confidence::MinConfidence;
 use super::document::{
-    ContextReport, EvaluationReport, HeldOutReport, IntervalsReport, JoinReport, SequencesReport,
+    ConfidenceLevel, ConfidenceReport, ContextReport, EvaluationReport, HeldOutReport,
+    IntervalsReport, JoinReport, SequencesReport,
 };
-use super::scoring::Scoring;
+use super::scoring::{Level, Scoring};
 use super::thresholds::Thresholds;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::metric::Settings;
 
 /// Folds of the sequences by default.
@@ -31,6 +33,9 @@ pub struct Request {
     pub sequences: bool,
     /// Also give other metrics of the same data.
     pub context: bool,
+    /// The confidences from which on keypoints count in the curve of the TC, where they have any; by
+    /// default where the confidences differ.
+    pub confidence_levels: Vec<f64>,
 }
 
 impl Request {
@@ -43,6 +48,9 @@ impl Request {
         let evaluation = scoring.evaluate(thresholds, settings)?;
         let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
         report.judge(scoring.sufficiency(thresholds)?);
+        if let Some(confidence) = self.confidence(scoring)? {
+            report.take_confidence(confidence);
+        }
         match self.folds {
             Some(0) => {}
             Some(folds) => {
@@ -84,5 +92,45 @@ impl Request {
             report.context = Some(ContextReport::new(&context, scoring.objects()));
         }
         Ok(report)
+    }
+
+    /// What was hidden, and the score as a function of the confidence; none where there is neither.
+    fn confidence(&self, scoring: &Scoring) -> Result<Option<ConfidenceReport>> {
+        if let Some(bad) = self
+            .confidence_levels
+            .iter()
+            .find(|level| !level.is_finite())
+        {
+            return Err(Error::input(format!(
+                "the level of confidence {bad} is not a finite number"
+            )));
+        }
+        let (least, [keypoints, truth]) = scoring.hidden();
+        let level = |level: &Level| {
+            let scored = scoring.evaluate_level(level, &self.thresholds, &self.settings)?;
+            let (evaluation, enough) = scored;
+            let visible = enough.iter().zip(&evaluation.objects);
+            let is_known = visible
+                .clone()
+                .all(|(enough, object)| enough.is_known || object.frames == 0);
+            let errors = evaluation.objects.iter().map(|o| Some(o.best?.fit.error()));
+            Ok(ConfidenceLevel {
+                least: level.least,
+                kept: level.kept,
+                tc: is_known.then_some(evaluation.tracking_capability),
+                errors: errors.collect(),
+            })
+        };
+        let levels = scoring.at_levels(&self.confidence_levels, level)?;
+        if levels.is_empty() && least == MinConfidence::default() {
+            return Ok(None);
+        }
+        Ok(Some(ConfidenceReport {
+            least_keypoints: least.keypoints,
+            hidden_keypoints: keypoints,
+            least_truth: least.truth,
+            hidden_truth: truth,
+            levels,
+        }))
     }
 }

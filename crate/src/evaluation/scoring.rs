@@ -4,15 +4,27 @@ use std::sync::{Arc, OnceLock};
 
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
+use super::confidence::{MinConfidence, hide, levels};
 use super::thresholds::Thresholds;
 use crate::data::{Join, SequenceRange, join, ranges};
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory;
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
     Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
     Settings, Sufficiency, deal, farthest_frame, held_out, sufficiency,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+
+/// Bytes that a pair of a keypoint and an object takes: its moments, its error, and both in JSON.
+const PAIR: u64 = 11 * 8 + 8 + 16 + 32;
+/// As many more where the keypoint has frames of its own.
+const OWN_FRAMES: u64 = 800;
+/// Of more pairs the moments at the levels of confidence are not kept.
+const KEPT_PAIRS: usize = 1 << 12;
+
+/// The most keypoints of a linear regression from all of them: its time grows with their number cubed.
+const MOST_IN_REGRESSION: usize = 1024;
 
 /// A ground truth and keypoints with their join. The moments are taken once; scoring with other
 /// settings then does not look at the frames again.
@@ -25,7 +37,37 @@ pub struct Scoring {
     join: Join,
     policy: NonFinite,
     moments: Moments,
+    confidence: Confidence,
     by_sequence: OnceLock<Arc<[Moments]>>,
+}
+
+/// How sure the points are, and what was hidden for it.
+#[derive(Debug, Clone)]
+struct Confidence {
+    least: MinConfidence,
+    /// Keypoints and positions of the ground truth that are hidden, in the joined frames; none where
+    /// they have no confidence.
+    hidden: [Option<u64>; 2],
+    /// The keypoints before any of them was hidden, where they have confidences.
+    given: Option<Arc<Given>>,
+    curve: OnceLock<Arc<[Level]>>,
+}
+
+/// Keypoints of the joined frames as the file gives them.
+#[derive(Debug)]
+struct Given {
+    keypoints: Array3<f64>,
+    /// T x N
+    confidence: Array2<f64>,
+}
+
+/// What is left when keypoints have to be this sure.
+#[derive(Debug, Clone)]
+pub(super) struct Level {
+    pub least: f64,
+    /// The share of the keypoints that is not hidden.
+    pub kept: f64,
+    moments: Moments,
 }
 
 /// One object and one keypoint over the joined frames, T x 2 each.
@@ -74,24 +116,157 @@ impl Scoring {
     /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the
     /// message names the frame.
     pub fn new(truth: &GroundTruth, keypoints: &KeypointTrack, policy: NonFinite) -> Result<Self> {
+        Self::with_confidence(truth, keypoints, policy, MinConfidence::default())
+    }
+
+    /// As [`Scoring::new`], of the points that are at least as sure as `least`.
+    ///
+    /// # Errors
+    /// As [`Scoring::new`].
+    pub fn with_confidence(
+        truth: &GroundTruth,
+        keypoints: &KeypointTrack,
+        policy: NonFinite,
+        least: MinConfidence,
+    ) -> Result<Self> {
         let join = join(keypoints.keys(), truth.keys())?;
         let (left, right): (Vec<usize>, Vec<usize>) = join.pairs.iter().copied().unzip();
+        let keys: Vec<FrameKey> = left.iter().map(|i| keypoints.keys()[*i].clone()).collect();
+        let mut points = keypoints.points().select(Axis(0), &left);
+        let mut truth_ndc = truth.points_ndc().select(Axis(0), &right);
+        let given = keypoints.confidence().map(|confidence| {
+            Arc::new(Given {
+                keypoints: points.clone(),
+                confidence: confidence.select(Axis(0), &left),
+            })
+        });
+        check_pairs(&points, truth.names().len(), given.is_some())?;
+        let hidden_keypoints = least.keypoints.zip(given.as_ref());
+        let hidden_keypoints =
+            hidden_keypoints.map(|(least, given)| hide(&mut points, &given.confidence, least));
+        let hidden_truth = least.truth.zip(truth.confidence());
+        let hidden_truth = hidden_truth.map(|(least, confidence)| {
+            hide(&mut truth_ndc, &confidence.select(Axis(0), &right), least)
+        });
         let mut accumulator = Accumulator::new(keypoints.keypoints(), truth.names().len(), policy);
-        for (z, x) in &join.pairs {
-            accumulator
-                .push(keypoints.frame(*z), truth.frame(*x))
-                .map_err(|e| e.at(&keypoints.keys()[*z]))?;
+        for (t, key) in keys.iter().enumerate() {
+            let (z, x) = (
+                points.index_axis(Axis(0), t),
+                truth_ndc.index_axis(Axis(0), t),
+            );
+            accumulator.push(z, x).map_err(|e| e.at(key))?;
         }
         Ok(Self {
             names: truth.names().to_vec(),
-            keys: left.iter().map(|i| keypoints.keys()[*i].clone()).collect(),
-            keypoints: keypoints.points().select(Axis(0), &left),
-            truth_ndc: truth.points_ndc().select(Axis(0), &right),
+            keys,
+            keypoints: points,
+            truth_ndc,
             join,
             policy,
             moments: accumulator.finish(),
+            confidence: Confidence {
+                least,
+                hidden: [hidden_keypoints, hidden_truth],
+                given,
+                curve: OnceLock::new(),
+            },
             by_sequence: OnceLock::new(),
         })
+    }
+
+    /// How sure points have to be, and how many keypoints and positions are hidden for it.
+    pub(super) fn hidden(&self) -> (MinConfidence, [Option<u64>; 2]) {
+        (self.confidence.least, self.confidence.hidden)
+    }
+
+    /// Whether the keypoints say how sure they are.
+    pub fn has_confidence(&self) -> bool {
+        self.confidence.given.is_some()
+    }
+
+    /// Calls `each` with what is left at each of the levels `asked`, or where the confidences differ.
+    pub(super) fn at_levels<T>(
+        &self,
+        asked: &[f64],
+        each: impl Fn(&Level) -> Result<T>,
+    ) -> Result<Vec<T>> {
+        let Some(given) = &self.confidence.given else {
+            return Ok(Vec::new());
+        };
+        if let Some(found) = self.confidence.curve.get().filter(|_| asked.is_empty()) {
+            return found.iter().map(each).collect();
+        }
+        let levels = match asked {
+            [] => levels(&given.confidence),
+            asked => asked.to_vec(),
+        };
+        let pairs = self.keypoints.dim().1 * self.names.len();
+        if asked.is_empty() && pairs <= KEPT_PAIRS {
+            let all = levels.into_iter().map(|least| self.level(given, least));
+            let all: Arc<[Level]> = all.collect::<Result<_>>()?;
+            return self
+                .confidence
+                .curve
+                .get_or_init(|| all)
+                .iter()
+                .map(each)
+                .collect();
+        }
+        levels
+            .into_iter()
+            .map(|least| each(&self.level(given, least)?))
+            .collect()
+    }
+
+    fn level(&self, given: &Given, least: f64) -> Result<Level> {
+        let mut keypoints = given.keypoints.clone();
+        let hidden = hide(&mut keypoints, &given.confidence, least);
+        let there = given.keypoints.rows().into_iter();
+        let there = there.filter(|p| p.iter().all(|v| v.is_finite())).count();
+        let objects = self.names.len();
+        let mut accumulator = Accumulator::new(keypoints.dim().1, objects, self.curve_policy());
+        for (t, key) in self.keys.iter().enumerate() {
+            let z = keypoints.index_axis(Axis(0), t);
+            let x = self.truth_ndc.index_axis(Axis(0), t);
+            accumulator.push(z, x).map_err(|e| e.at(key))?;
+        }
+        Ok(Level {
+            least,
+            kept: 1.0 - hidden as f64 / there.max(1) as f64,
+            moments: accumulator.finish(),
+        })
+    }
+
+    /// Where missing keypoints are an error, hiding some is not.
+    fn curve_policy(&self) -> NonFinite {
+        match self.policy {
+            NonFinite::Error => NonFinite::ExcludePoint,
+            policy => policy,
+        }
+    }
+
+    /// Scores what is left at a level of confidence, and says whether it is enough data.
+    pub(super) fn evaluate_level(
+        &self,
+        level: &Level,
+        thresholds: &Thresholds,
+        settings: &Settings,
+    ) -> Result<(Evaluation, Vec<Sufficiency>)> {
+        let evaluation = level
+            .moments
+            .evaluate(&self.with(thresholds)?, settings)
+            .map_err(|e| self.located(e))?;
+        let hidden = match &self.confidence.given {
+            Some(given) if self.policy == NonFinite::ExcludeFrame => {
+                let mut keypoints = given.keypoints.clone();
+                hide(&mut keypoints, &given.confidence, level.least);
+                Some(keypoints)
+            }
+            _ => None,
+        };
+        let keypoints = hidden.as_ref().unwrap_or(&self.keypoints);
+        let enough = self.sufficiency_of(keypoints, &level.moments, thresholds)?;
+        Ok((evaluation, enough))
     }
 
     /// The names of the objects.
@@ -119,10 +294,20 @@ impl Scoring {
     /// # Errors
     /// As [`Scoring::evaluate`].
     pub fn sufficiency(&self, thresholds: &Thresholds) -> Result<Vec<Sufficiency>> {
+        self.sufficiency_of(&self.keypoints, &self.moments, thresholds)
+    }
+
+    /// As [`Scoring::sufficiency`], for `keypoints` of which `moments` were taken.
+    fn sufficiency_of(
+        &self,
+        keypoints: &Array3<f64>,
+        moments: &Moments,
+        thresholds: &Thresholds,
+    ) -> Result<Vec<Sufficiency>> {
         let objects = self.with(thresholds)?;
         let mut truth = self.truth_ndc.clone();
         if self.policy == NonFinite::ExcludeFrame {
-            let frames = truth.outer_iter_mut().zip(self.keypoints.outer_iter());
+            let frames = truth.outer_iter_mut().zip(keypoints.outer_iter());
             for (mut truth, keypoints) in frames {
                 if keypoints.iter().any(|v| !v.is_finite()) {
                     truth.fill(f64::NAN);
@@ -137,22 +322,10 @@ impl Scoring {
             truth.view(),
             &sequences,
             self.keypoints.dim().1,
-            self.least_seen(),
+            least_seen(moments),
             &objects,
         )
         .map_err(|e| self.located(e))
-    }
-
-    /// The smallest share of the frames that show a keypoint, of those that are shown in at least
-    /// half.
-    fn least_seen(&self) -> f64 {
-        let frames = self.moments.frames().max(1) as f64;
-        let shares = self
-            .moments
-            .missing()
-            .iter()
-            .map(|missing| 1.0 - *missing as f64 / frames);
-        shares.filter(|share| *share >= 0.5).fold(1.0, f64::min)
     }
 
     /// Scores with `thresholds`.
@@ -237,6 +410,21 @@ impl Scoring {
 
     fn measure_context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
         let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
+        let count = keypoints.dim().1;
+        if count > MOST_IN_REGRESSION {
+            return Err(Error::numeric(format!(
+                "a linear regression from {count} keypoints together takes hours; the other metrics \
+                 (context) take up to {MOST_IN_REGRESSION}"
+            )));
+        }
+        // The products of all columns by the fold, and what their eigenvectors are found in.
+        let columns = 2 * count as u64 + 2;
+        let matrices = folds.map_or(1, |(folds, _)| folds as u64) + 6;
+        memory::check(
+            matrices.saturating_mul(columns * columns * 8),
+            "linear regression from all keypoints",
+            "score fewer keypoints, or without the other metrics (context)",
+        )?;
         let sequences = ranges(&self.keys);
         let held_out_regression = folds
             .map(|(folds, seed)| {
@@ -396,4 +584,31 @@ impl Scoring {
         errors.sort_by(|a, b| b.error.total_cmp(&a.error));
         Ok(errors)
     }
+}
+
+/// Checks that there is memory for every pair of a keypoint and an object.
+fn check_pairs(keypoints: &Array3<f64>, objects: usize, has_confidence: bool) -> Result<()> {
+    let count = keypoints.dim().1;
+    let misses = |n: &usize| {
+        let of_frames = keypoints.index_axis(Axis(1), *n);
+        of_frames.iter().any(|v| v.is_nan())
+    };
+    let missing = match has_confidence {
+        true => count,
+        false => (0..count).filter(misses).count(),
+    };
+    let bytes = (count as u64 * PAIR + missing as u64 * OWN_FRAMES).saturating_mul(objects as u64);
+    memory::check(
+        bytes,
+        &format!("errors of {count} keypoints for {objects} objects"),
+        "score fewer keypoints or objects at a time",
+    )
+}
+
+/// The smallest share of the frames that show a keypoint, of those that are shown in at least half.
+fn least_seen(moments: &Moments) -> f64 {
+    let frames = moments.frames().max(1) as f64;
+    let missing = moments.missing().iter();
+    let shares = missing.map(|missing| 1.0 - *missing as f64 / frames);
+    shares.filter(|share| *share >= 0.5).fold(1.0, f64::min)
 }

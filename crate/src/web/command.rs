@@ -3,11 +3,11 @@
 use serde::Deserialize;
 
 use crate::command_line::{
-    BOOTSTRAP, CONTEXT, FOLDS, IMAGE_SIZE, KEYPOINTS, NON_FINITE, RANK, RESAMPLING_SEED, SEQUENCES,
-    THRESHOLD, TRANSFORM, TRUTH, shell_line,
+    BOOTSTRAP, CONTEXT, FOLDS, IMAGE_SIZE, KEYPOINTS, MIN_CONFIDENCE, NON_FINITE, RANK,
+    RESAMPLING_SEED, SEQUENCES, THRESHOLD, TRANSFORM, TRUTH, TRUTH_MIN_CONFIDENCE, shell_line,
 };
 use crate::error::Result;
-use crate::evaluation::Request;
+use crate::evaluation::{MinConfidence, Request};
 use crate::metric::{NonFinite, Settings};
 
 /// The files of an evaluation, as a command names them.
@@ -34,7 +34,12 @@ impl Inputs {
 ///
 /// # Errors
 /// When a shell has no way to write a name.
-pub(super) fn command(request: &Request, inputs: &Inputs, policy: NonFinite) -> Result<String> {
+pub(super) fn command(
+    request: &Request,
+    inputs: &Inputs,
+    policy: NonFinite,
+    least: MinConfidence,
+) -> Result<String> {
     let mut words = vec!["tracklens".to_owned()];
     let option = |name: &str, value: &str| [format!("--{name}"), value.to_owned()];
     match (&inputs.keypoints, &inputs.checkpoint) {
@@ -67,6 +72,14 @@ pub(super) fn command(request: &Request, inputs: &Inputs, policy: NonFinite) -> 
     }
     if policy == NonFinite::ExcludeFrame {
         words.extend(option(NON_FINITE, "exclude-frame"));
+    }
+    for (least, name) in [
+        (least.keypoints, MIN_CONFIDENCE),
+        (least.truth, TRUTH_MIN_CONFIDENCE),
+    ] {
+        if let Some(least) = least {
+            words.extend(option(name, &least.to_string()));
+        }
     }
     let folds = request.folds.filter(|folds| *folds > 0);
     if let Some(folds) = folds {

@@ -78,9 +78,7 @@ impl Arrays {
     /// Whether there is an array of points.
     #[wasm_bindgen(getter, js_name = hasPoints)]
     pub fn has_points(&self) -> bool {
-        self.arrays
-            .iter()
-            .any(|a| a.name != "names" && NpyArray::is_needed_whole(&a.name))
+        self.arrays.iter().any(|a| NpyArray::holds_points(&a.name))
     }
 
     /// Whether there is an array of frames.

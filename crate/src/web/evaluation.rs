@@ -7,7 +7,8 @@ use crate::error::Error;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::Theme;
 use crate::report::evaluation::{
-    capability, evaluation_csv, evaluation_page, evaluation_tex, evaluation_text, matrix, sequences,
+    capability, confidence, evaluation_csv, evaluation_page, evaluation_tex, evaluation_text,
+    matrix, sequences,
 };
 
 fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
@@ -92,6 +93,17 @@ pub fn capability_figure(
 ) -> JsResult<JsValue> {
     let evaluation = evaluation_from_js(evaluation)?;
     let drawn = capability(&evaluation, factor, &theme_from_js(theme)?, width);
+    to_js(&drawn.map_err(|e| js_error(&e))?)
+}
+
+/// TC over the confidence that keypoints need to count; see [`confidence`].
+///
+/// # Errors
+/// When an argument is not understood, or the evaluation has no confidences.
+#[wasm_bindgen(js_name = confidenceFigure)]
+pub fn confidence_figure(evaluation: JsValue, theme: JsValue, width: u32) -> JsResult<JsValue> {
+    let evaluation = evaluation_from_js(evaluation)?;
+    let drawn = confidence(&evaluation, &theme_from_js(theme)?, width);
     to_js(&drawn.map_err(|e| js_error(&e))?)
 }
 

@@ -45,6 +45,9 @@ use crate::error::{Error, ErrorKind};
 
 type JsResult<T> = Result<T, JsValue>;
 
+#[global_allocator]
+static MEMORY: crate::memory::Memory = crate::memory::Memory;
+
 #[wasm_bindgen(start)]
 fn start() {
     console_error_panic_hook::set_once();

@@ -15,7 +15,7 @@ use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
-use crate::evaluation::{self, IntervalsReport, Request};
+use crate::evaluation::{self, IntervalsReport, MinConfidence, Request};
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
 use crate::track::FrameKey;
 
@@ -25,6 +25,14 @@ pub struct Scoring {
     scoring: evaluation::Scoring,
     join: Joined,
     policy: NonFinite,
+    least: MinConfidence,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct JsMinConfidence {
+    keypoints: Option<f64>,
+    truth: Option<f64>,
 }
 
 #[derive(Default, Deserialize)]
@@ -39,6 +47,7 @@ struct ScoreOptions {
     seed: u64,
     sequences: bool,
     context: bool,
+    confidence_levels: Vec<f64>,
 }
 
 impl ScoreOptions {
@@ -53,6 +62,7 @@ impl ScoreOptions {
             "seed",
             "sequences",
             "context",
+            "confidenceLevels",
         ];
         let options: Self = from_js(value, &format!("the options of {call}"), &keys)?;
         let transform = options
@@ -75,6 +85,7 @@ impl ScoreOptions {
             seed: options.seed,
             sequences: options.sequences,
             context: options.context,
+            confidence_levels: options.confidence_levels,
         })
     }
 }
@@ -124,29 +135,37 @@ impl Bootstrap {
 
 #[wasm_bindgen]
 impl Scoring {
-    /// Joins a ground truth and keypoints.
+    /// Joins a ground truth and keypoints; `min_confidence` says how sure they have to be to count.
     ///
     /// # Errors
-    /// When no frame matches or a keypoint is not finite.
+    /// When no frame matches or an argument is not understood.
     #[wasm_bindgen(constructor)]
     pub fn new(
         truth: &GroundTruthTable,
         keypoints: &KeypointTable,
         on_non_finite: Option<String>,
+        min_confidence: JsValue,
     ) -> JsResult<Scoring> {
+        let least: JsMinConfidence = from_js(
+            min_confidence,
+            "the smallest confidences",
+            &["keypoints", "truth"],
+        )?;
+        let least = MinConfidence::new(least.keypoints, least.truth).map_err(|e| js_error(&e))?;
         let policy = on_non_finite
             .as_deref()
             .map(str::parse::<NonFinite>)
             .transpose();
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
-        let scoring =
-            evaluation::Scoring::new(truth, keypoints, policy).map_err(|e| js_error(&e))?;
+        let scoring = evaluation::Scoring::with_confidence(truth, keypoints, policy, least)
+            .map_err(|e| js_error(&e))?;
         let join = Joined::new(scoring.join(), keypoints.keys(), truth.keys());
         Ok(Self {
             scoring,
             join,
             policy,
+            least,
         })
     }
 
@@ -296,7 +315,7 @@ impl Scoring {
     pub fn command(&self, inputs: JsValue, options: JsValue) -> JsResult<String> {
         let request = ScoreOptions::request(options, "command")?;
         let inputs: Inputs = from_js(inputs, "the inputs of command", &Inputs::KEYS)?;
-        command(&request, &inputs, self.policy).map_err(|e| js_error(&e))
+        command(&request, &inputs, self.policy, self.least).map_err(|e| js_error(&e))
     }
 
     /// The keypoints of a joined frame, N x 2.

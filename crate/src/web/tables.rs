@@ -129,6 +129,12 @@ impl GroundTruthTable {
         data::ranges(self.table.content.keys()).len()
     }
 
+    /// Whether the positions say how sure they are.
+    #[wasm_bindgen(getter, js_name = hasConfidence)]
+    pub fn has_confidence(&self) -> bool {
+        self.table.content.confidence().is_some()
+    }
+
     /// What the numbers were taken for, and what said so.
     ///
     /// # Errors
@@ -213,6 +219,12 @@ impl KeypointTable {
     #[wasm_bindgen(getter)]
     pub fn frames(&self) -> usize {
         self.table.content.keys().len()
+    }
+
+    /// Whether the keypoints say how sure they are.
+    #[wasm_bindgen(getter, js_name = hasConfidence)]
+    pub fn has_confidence(&self) -> bool {
+        self.table.content.confidence().is_some()
     }
 
     /// What the numbers were taken for, and what said so.

@@ -143,6 +143,19 @@ async fn a_page_in_a_frame_takes_files_and_gives_results(browser: Browser) {
     page.until("document.querySelector('#try-example')?.disabled === false")
         .await;
     page.driver.enter_default_frame().await.expect("the page");
+
+    // An origin that messages cannot be sent to leaves a page that works.
+    page.value(&format!(
+        "(() => {{ const odd = document.createElement('iframe'); odd.id = 'odd'; \
+         odd.src = '{}/?embed=data:x'; document.body.append(odd); }})()",
+        ours.origin()
+    ))
+    .await;
+    let odd = page.driver.find(By::Css("#odd")).await.expect("a frame");
+    odd.enter_frame().await.expect("the frame");
+    page.until("document.querySelector('#try-example')?.disabled === false")
+        .await;
+    page.driver.enter_default_frame().await.expect("the page");
     let files = json!([{ "path": "ground_truth.csv", "data": "sequence,frame,object,x,y\na,0,cube,0,0\n" }]);
     let open = json!({ "tracklens": 1, "type": "open", "files": files });
     page.value(&send("document.querySelector('#other')", open))

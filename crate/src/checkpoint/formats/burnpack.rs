@@ -6,8 +6,9 @@ use minicbor::data::Type;
 use minicbor::decode::Error as CborError;
 use minicbor::{Decoder, Encoder};
 
+use super::choice::{Choice, Wanted};
 use super::contents::Contents;
-use super::element::{Element, count, is_counter, not_float};
+use super::element::{Element, count, is_counter};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 
@@ -30,7 +31,7 @@ struct Entry<'a> {
     end: usize,
 }
 
-pub fn read(bytes: &[u8]) -> Result<Contents> {
+pub fn read(bytes: &[u8], wanted: Wanted) -> Result<Contents> {
     let damaged = |what: &dyn std::fmt::Display| {
         Error::input(format!(
             "not a complete .bpk file ({} bytes: {what}); was the download or the copy cut short?",
@@ -55,16 +56,27 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     let data = bytes
         .get(end.next_multiple_of(ALIGNMENT)..)
         .unwrap_or_default();
-    let mut tensors = BTreeMap::new();
+    let choice = Choice::of(entries.keys().copied(), wanted)?;
+    let (mut tensors, mut left_out) = (BTreeMap::new(), BTreeMap::new());
     for (name, entry) in entries {
+        let Some(name) = choice.name(name) else {
+            continue;
+        };
         let element = match entry.dtype {
             "F64" => Element::F64,
             "F32" | "Flex32" => Element::F32,
             "F16" => Element::F16,
             "BF16" => Element::Bf16,
             _ if is_counter(name) => continue,
-            "" => return Err(not_float(name, &"quantised or boolean")),
-            other => return Err(not_float(name, &other)),
+            other => {
+                let what = if other.is_empty() {
+                    "quantised or boolean"
+                } else {
+                    other
+                };
+                left_out.insert(name.to_owned(), what.to_owned());
+                continue;
+            }
         };
         let stored = data
             .get(entry.start..entry.end)
@@ -81,7 +93,12 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         let shape = entry.shape;
         tensors.insert(name.to_owned(), Tensor { shape, data });
     }
-    Ok(Contents { tensors, metadata })
+    let contents = Contents {
+        tensors,
+        metadata,
+        left_out,
+    };
+    Ok(contents.chosen(&choice))
 }
 
 type Described<'a> = (BTreeMap<&'a str, Entry<'a>>, BTreeMap<String, String>);

@@ -6,6 +6,7 @@
 //! the weights. The tests hold these readers against them.
 
 mod burnpack;
+mod choice;
 mod contents;
 mod element;
 mod pickle;
@@ -14,7 +15,9 @@ mod safetensors;
 
 use std::collections::BTreeMap;
 
+use choice::{Choice, Wanted};
 pub(super) use contents::Contents;
+pub(super) use element::not_float;
 
 use super::Tensor;
 use crate::error::{Error, Result};
@@ -40,6 +43,9 @@ impl Format {
             let name = &head[head.len().min(30)..head.len().min(512)];
             let is_torch = name.windows(8).any(|part| part == b"data.pkl");
             return is_torch.then_some(Self::PyTorch);
+        }
+        if pickle::is_legacy(head) {
+            return Some(Self::PyTorch);
         }
         if head.starts_with(burnpack::MAGIC) {
             return Some(Self::Burnpack);
@@ -70,22 +76,19 @@ impl std::fmt::Display for Format {
     }
 }
 
-/// The tensors of a file of any [`Format`], whatever network they belong to, as f32. Counters are
-/// left out, and so is the prefix that a wrapper such as `DataParallel` puts before every name.
+/// The tensors of a file of any [`Format`], whatever network they belong to, as f32. Counters and
+/// other tensors that are no floating-point numbers are left out, and so is the prefix that a wrapper such as `DataParallel` puts before every name.
 ///
 /// # Errors
 /// When the file is of another format, damaged, or holds a tensor that cannot be represented.
 pub fn read_tensors(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>> {
-    Ok(read(bytes)?.tensors)
-}
-
-pub(super) fn read(bytes: &[u8]) -> Result<Contents> {
-    let mut contents = match Format::of(bytes) {
-        Some(Format::Safetensors) => safetensors::read(bytes)?,
-        Some(Format::PyTorch) => pytorch::read(bytes)?,
-        Some(Format::Burnpack) => burnpack::read(bytes)?,
-        None => return Err(unknown(bytes)),
-    };
+    let mut contents = read_wanted(bytes, Wanted::Everything)?;
+    if let (true, Some((name, what))) = (
+        contents.tensors.is_empty(),
+        contents.left_out.first_key_value(),
+    ) {
+        return Err(not_float(name, what));
+    }
     for prefix in ["module.", "_orig_mod."] {
         if !contents.tensors.is_empty()
             && contents.tensors.keys().all(|name| name.starts_with(prefix))
@@ -95,11 +98,47 @@ pub(super) fn read(bytes: &[u8]) -> Result<Contents> {
             contents.tensors = contents.tensors.into_iter().map(strip).collect();
         }
     }
-    Ok(contents)
+    Ok(contents.tensors)
+}
+
+/// The weights of an SAE in a file; `key` says which, by what stands before `encoder.`, where there
+/// are several.
+pub(super) fn read(bytes: &[u8], key: Option<&str>) -> Result<Contents> {
+    read_wanted(bytes, Wanted::Sae(key))
+}
+
+fn read_wanted(bytes: &[u8], wanted: Wanted) -> Result<Contents> {
+    match Format::of(bytes) {
+        Some(Format::Safetensors) => safetensors::read(bytes, wanted),
+        Some(Format::PyTorch) => pytorch::read(bytes, wanted),
+        Some(Format::Burnpack) => burnpack::read(bytes, wanted),
+        None => pytorch::read_policy(bytes, wanted)?.ok_or_else(|| unknown(bytes)),
+    }
+}
+
+/// The weights of an SAE in `.safetensors` files that hold its parts.
+pub(super) fn read_shards(shards: &[Vec<u8>], key: Option<&str>) -> Result<Contents> {
+    let mut all = Contents::default();
+    for shard in shards {
+        let contents = safetensors::read(shard, Wanted::Everything)?;
+        for (name, tensor) in contents.tensors {
+            if all.tensors.insert(name.clone(), tensor).is_some() {
+                return Err(Error::input(format!(
+                    "tensor `{name}` is in two of the files; expected the parts of one checkpoint"
+                )));
+            }
+        }
+        all.metadata.extend(contents.metadata);
+        all.left_out.extend(contents.left_out);
+    }
+    let choice = Choice::of(all.tensors.keys().map(String::as_str), Wanted::Sae(key))?;
+    let named = |(name, tensor): (String, Tensor)| Some((choice.name(&name)?.to_owned(), tensor));
+    all.tensors = all.tensors.into_iter().filter_map(named).collect();
+    Ok(all.chosen(&choice))
 }
 
 pub(super) fn read_safetensors(bytes: &[u8]) -> Result<Contents> {
-    safetensors::read(bytes)
+    safetensors::read(bytes, Wanted::Sae(None))
 }
 
 pub(super) fn write(format: Format, contents: &Contents) -> Result<Vec<u8>> {
@@ -113,8 +152,7 @@ pub(super) fn write(format: Format, contents: &Contents) -> Result<Vec<u8>> {
 fn unknown(bytes: &[u8]) -> Error {
     if pickle::is_pickle(bytes) {
         return Error::input(
-            "a pickle without the ZIP archive around it, which PyTorch wrote before 1.6; load it with a newer PyTorch \
-             and save it again: torch.save(torch.load(\"old.pth\"), \"new.pth\")",
+            "a pickle that torch.save did not write; expected a checkpoint: .safetensors, PyTorch's .pth or burn's .bpk",
         );
     }
     if bytes.starts_with(b"PK") {

@@ -63,9 +63,19 @@ pub fn is_pickle(bytes: &[u8]) -> bool {
     matches!(bytes, [0x80, 2..=5, ..])
 }
 
+/// Whether the bytes begin as `torch.save` began them before 1.6: with a pickle of a magic number.
+pub fn is_legacy(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.")
+}
+
 impl Pickle {
     /// Reads a pickle.
     pub fn read(bytes: &[u8]) -> Result<Self> {
+        Self::read_first(bytes).map(|(pickle, _)| pickle)
+    }
+
+    /// Reads a pickle that other bytes may follow, and says how many bytes it has.
+    pub fn read_first(bytes: &[u8]) -> Result<(Self, usize)> {
         let mut machine = Machine {
             input: bytes,
             position: 0,
@@ -89,9 +99,18 @@ impl Pickle {
                 bytes.len()
             ))
         })?;
-        Ok(Self {
+        let pickle = Self {
             nodes: machine.nodes,
             root,
+        };
+        Ok((pickle, machine.position))
+    }
+
+    /// All that the pickle says of things stored outside of it.
+    pub fn persistent(&self) -> impl Iterator<Item = &[Id]> {
+        self.nodes.iter().filter_map(|node| match node {
+            Node::Persistent(id) => self.items(*id),
+            _ => None,
         })
     }
 

@@ -2,7 +2,7 @@
 //! values of the tensors, which are in `…/data/0` and so on.
 
 use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{HashMap, HashSet};
 use std::io::Write as _;
 
 use rawzip::{
@@ -11,21 +11,44 @@ use rawzip::{
 
 use serde_json::Value;
 
+use super::choice::{Choice, WEIGHTS, Wanted};
 use super::contents::Contents;
-use super::element::{Element, count, is_counter, not_float};
-use super::pickle::{Id, Node, Pickle, ToJson};
+use super::element::{Element, count, is_counter};
+use super::pickle::{Id, Node, Pickle, ToJson, is_legacy};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 
-/// Where training scripts put the weights in what they save; the authors' is the first.
-const WEIGHTS: [&str; 4] = ["model_state_dict", "state_dict", "model", "weights"];
 /// Entries saved with the weights that are of no use without the script.
 const STATES: [&str; 3] = ["optimizer", "scheduler", "scaler"];
 /// A pickle of a checkpoint has tens of kilobytes; this bounds the memory that a made-up one takes.
 const LARGEST_PICKLE: usize = 16 << 20;
+/// Dictionaries within each other, down to the weights.
+const DEPTH: usize = 8;
+/// The weights of a policy in the archive that Stable-Baselines3 saves.
+const POLICY: &str = "policy.pth";
 
-pub fn read(bytes: &[u8]) -> Result<Contents> {
-    let archive = Archive::open(bytes)?;
+/// Reads the policy in an archive of Stable-Baselines3; `None` where it is none.
+pub fn read_policy(bytes: &[u8], wanted: Wanted) -> Result<Option<Contents>> {
+    if !bytes.starts_with(b"PK\x03\x04") {
+        return Ok(None);
+    }
+    let Ok(archive) = Archive::open(bytes, |path| Some(path.to_owned())) else {
+        return Ok(None);
+    };
+    if !archive.has(POLICY) {
+        return Ok(None);
+    }
+    let policy = archive.entry(POLICY)?;
+    read(policy, wanted).map(Some).map_err(|e| e.at(POLICY))
+}
+
+pub fn read(bytes: &[u8], wanted: Wanted) -> Result<Contents> {
+    if is_legacy(bytes) {
+        return Legacy::read(bytes)?.contents(wanted);
+    }
+    let archive = Archive::open(bytes, |path| {
+        path.split_once('/').map(|(_, name)| name.to_owned())
+    })?;
     if archive.has("byteorder") && archive.entry("byteorder")? != b"little" {
         return Err(Error::input(
             "saved on a big-endian machine; expected a little-endian file: save it again on another machine",
@@ -40,30 +63,149 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         )));
     }
     let pickle = Pickle::read(stored)?;
-    let weights = weights(&pickle)?;
-    let mut tensors = BTreeMap::new();
+    let storage = |key: &str| archive.entry(&format!("data/{key}"));
+    contents(&pickle, wanted, bytes.len(), storage)
+}
+
+/// What PyTorch wrote before 1.6: pickles of a magic number, a version, the system and the object,
+/// then one of the keys of the storages, and these one after the other.
+struct Legacy<'a> {
+    pickle: Pickle,
+    storages: HashMap<String, &'a [u8]>,
+    size: usize,
+}
+
+impl<'a> Legacy<'a> {
+    fn read(bytes: &'a [u8]) -> Result<Self> {
+        let cut = || {
+            Error::input(format!(
+                "not a complete .pth file ({} bytes); was the download or the copy cut short?",
+                bytes.len()
+            ))
+        };
+        let mut rest = bytes;
+        let mut next = || -> Result<Pickle> {
+            if rest.is_empty() {
+                return Err(cut());
+            }
+            let (pickle, length) = Pickle::read_first(rest)?;
+            rest = &rest[length..];
+            Ok(pickle)
+        };
+        for _ in ["magic number", "version", "system"] {
+            next()?;
+        }
+        let pickle = next()?;
+        let keys = next()?;
+        let sizes: HashMap<String, usize> = pickle
+            .persistent()
+            .filter_map(|described| {
+                let &[_, class, key, ..] = described else {
+                    return None;
+                };
+                let Node::Global(class) = pickle.node(class) else {
+                    return None;
+                };
+                Some((text_of(&pickle, key)?, size_of_element(class)?))
+            })
+            .collect();
+        let mut storages = HashMap::new();
+        for key in keys.items(keys.root()).ok_or_else(cut)? {
+            let key = text_of(&keys, *key).ok_or_else(cut)?;
+            let (number, after) = rest.split_first_chunk().ok_or_else(cut)?;
+            let size = *sizes.get(&key).ok_or_else(|| {
+                Error::input(format!(
+                    "the storage `{key}` has elements of an unknown type; save it again with torch.save"
+                ))
+            })?;
+            let length = usize::try_from(u64::from_le_bytes(*number)).ok();
+            let length = length.and_then(|n| n.checked_mul(size)).ok_or_else(cut)?;
+            let (stored, after) = after.split_at_checked(length).ok_or_else(cut)?;
+            storages.insert(key, stored);
+            rest = after;
+        }
+        Ok(Self {
+            pickle,
+            storages,
+            size: bytes.len(),
+        })
+    }
+
+    fn contents(&self, wanted: Wanted) -> Result<Contents> {
+        let storage = |key: &str| {
+            let missing = || {
+                Error::input(format!(
+                    "the storage `{key}` is missing; the file is damaged"
+                ))
+            };
+            self.storages.get(key).copied().ok_or_else(missing)
+        };
+        contents(&self.pickle, wanted, self.size, storage)
+    }
+}
+
+/// A text, or a number as text.
+fn text_of(pickle: &Pickle, id: Id) -> Option<String> {
+    match pickle.node(id) {
+        Node::Text(text) => Some(text.clone()),
+        Node::Int(number) => Some(number.to_string()),
+        _ => None,
+    }
+}
+
+/// Bytes of an element of a storage.
+fn size_of_element(class: &str) -> Option<usize> {
+    Some(
+        match class.strip_prefix("torch.")?.strip_suffix("Storage")? {
+            "ComplexDouble" => 16,
+            "Double" | "Long" | "ComplexFloat" => 8,
+            "Float" | "Int" => 4,
+            "Half" | "BFloat16" | "Short" => 2,
+            "Char" | "Byte" | "Bool" => 1,
+            _ => return None,
+        },
+    )
+}
+
+/// The tensors that are wanted and what else the pickle says; `storage` gives the bytes under a key.
+fn contents<'a>(
+    pickle: &Pickle,
+    wanted: Wanted,
+    size: usize,
+    storage: impl Fn(&str) -> Result<&'a [u8]>,
+) -> Result<Contents> {
+    let mut found = Found::in_all(pickle, size)?;
+    if found.tensors.is_empty() {
+        return Err(no_weights(pickle));
+    }
+    let names = found.tensors.iter().map(|(name, _)| name.as_str());
+    let choice = Choice::of(names, wanted)?;
+    if choice.is_everything() {
+        found.keep_one_dictionary();
+    }
+    let mut contents = Contents::default();
     // Several tensors may lie in the same bytes, so that a small file could ask for any amount of
     // memory.
-    let mut left = bytes.len().saturating_mul(8);
+    let mut left = size.saturating_mul(8);
     // Each is checked against its sum once.
     let mut storages = HashMap::new();
-    for (key, value) in pickle.entries(weights) {
-        let Some(name) = pickle.text(*key) else {
+    for (name, value) in &found.tensors {
+        let Some(name) = choice.name(name).filter(|name| !is_counter(name)) else {
             continue;
         };
-        if is_counter(name) {
-            continue;
-        }
-        let Some(tensor) = View::of(&pickle, *value, name)? else {
-            continue;
+        let tensor = match View::of(pickle, *value, name)? {
+            Ok(tensor) => tensor,
+            Err(what) => {
+                contents.left_out.insert(name.to_owned(), what);
+                continue;
+            }
         };
-        let stored = match storages.entry(tensor.storage) {
+        let stored = match storages.entry(tensor.storage.clone()) {
             Entry::Occupied(stored) => *stored.get(),
-            Entry::Vacant(place) => *place.insert(
-                archive
-                    .entry(&format!("data/{}", tensor.storage))
-                    .map_err(|e| e.at(format_args!("tensor `{name}`")))?,
-            ),
+            Entry::Vacant(place) => {
+                let stored = storage(place.key());
+                *place.insert(stored.map_err(|e| e.at(format_args!("tensor `{name}`")))?)
+            }
         };
         let tensor = tensor.read(stored, name)?;
         left = left.checked_sub(4 * tensor.data.len()).ok_or_else(|| {
@@ -71,16 +213,16 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
                 "the tensors up to `{name}` are many times as large as the file; the file is damaged"
             ))
         })?;
-        tensors.insert(name.to_owned(), tensor);
+        contents.tensors.insert(name.to_owned(), tensor);
     }
-    let mut metadata = BTreeMap::new();
-    let mut json = ToJson::new(&pickle);
-    if weights != pickle.root() {
+    if !found.is_in_root {
+        let mut json = ToJson::new(pickle);
         for (key, value) in pickle.entries(pickle.root()) {
             let Some(name) = pickle.text(*key) else {
                 continue;
             };
-            if *value == weights || STATES.iter().any(|state| name.contains(state)) {
+            let is_weights = found.roots.contains(name);
+            if is_weights || STATES.iter().any(|state| name.contains(state)) {
                 continue;
             }
             let text = match (pickle.node(*value), json.value(*value)?) {
@@ -88,39 +230,97 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
                 (Node::Text(_), Some(Value::String(text))) => text,
                 (_, Some(json)) => json.to_string(),
             };
-            metadata.insert(name.to_owned(), text);
+            contents.metadata.insert(name.to_owned(), text);
         }
     }
-    Ok(Contents { tensors, metadata })
+    Ok(contents.chosen(&choice))
 }
 
-/// The dictionary that holds the weights.
-fn weights(pickle: &Pickle) -> Result<Id> {
-    let root = pickle.root();
-    if let Some(class) = pickle.class(root) {
-        return Err(Error::input(format!(
-            "a whole `{class}` rather than its weights; save model.state_dict() instead"
-        )));
+/// The tensors of a pickle in dictionaries within each other, by the keys down to them.
+#[derive(Default)]
+struct Found {
+    tensors: Vec<(String, Id)>,
+    /// Keys of the root that lead to tensors.
+    roots: HashSet<String>,
+    /// Whether the root itself holds tensors.
+    is_in_root: bool,
+}
+
+impl Found {
+    fn in_all(pickle: &Pickle, size: usize) -> Result<Self> {
+        let root = pickle.root();
+        if let Some(class) = pickle.class(root) {
+            return Err(Error::input(format!(
+                "a whole `{class}` rather than its weights; save model.state_dict() instead"
+            )));
+        }
+        let mut found = Self::default();
+        // A key may be long and lead to many tensors.
+        let mut left = size.saturating_mul(16);
+        let mut visited = HashSet::from([root]);
+        let mut dictionaries = vec![(root, String::new(), 0)];
+        while let Some((dictionary, path, depth)) = dictionaries.pop() {
+            for (key, value) in pickle.entries(dictionary) {
+                let Some(key) = text_of(pickle, *key) else {
+                    continue;
+                };
+                let is_dictionary = !pickle.entries(*value).is_empty();
+                let is_tensor = pickle.class(*value).is_some_and(is_tensor);
+                if !is_dictionary && !is_tensor {
+                    continue;
+                }
+                let name = match path.as_str() {
+                    "" => key,
+                    path => format!("{path}.{key}"),
+                };
+                left = left.checked_sub(name.len()).ok_or_else(|| {
+                    Error::input("the names of the tensors are many times as large as the file")
+                })?;
+                if is_tensor {
+                    found.is_in_root |= depth == 0;
+                    let first = name.split('.').next().unwrap_or_default();
+                    if depth > 0 && !found.roots.contains(first) {
+                        found.roots.insert(first.to_owned());
+                    }
+                    found.tensors.push((name, *value));
+                } else if depth < DEPTH && visited.insert(*value) {
+                    dictionaries.push((*value, name, depth + 1));
+                }
+            }
+        }
+        Ok(found)
     }
-    let holds_tensors = |dict: Id| {
-        let mut entries = pickle.entries(dict).iter();
-        entries.any(|(_, value)| pickle.class(*value).is_some_and(is_tensor))
-    };
-    let named = WEIGHTS.iter().filter_map(|key| pickle.get(root, key));
-    let mut candidates = named.chain([root]);
-    candidates.find(|dict| holds_tensors(*dict)).ok_or_else(|| {
-        let keys: Vec<&str> = pickle
-            .entries(root)
+
+    /// Keeps the tensors of the first dictionary that scripts save weights in, under the names they
+    /// have in there; all tensors where there is none.
+    fn keep_one_dictionary(&mut self) {
+        let key = WEIGHTS.iter().find(|key| self.roots.contains(**key));
+        let Some(key) = key else { return };
+        let inside = |name: &str| name.strip_prefix(key)?.strip_prefix('.').map(str::to_owned);
+        self.tensors = self
+            .tensors
             .iter()
-            .filter_map(|(key, _)| pickle.text(*key))
-            .take(8)
+            .filter_map(|(name, id)| Some((inside(name)?, *id)))
             .collect();
-        Error::input(format!(
-            "no weights under `model_state_dict` (the file holds {}); expected a checkpoint of the authors' code or a \
-             state dict",
-            if keys.is_empty() { "no names".to_owned() } else { keys.join(", ") }
-        ))
-    })
+    }
+}
+
+fn no_weights(pickle: &Pickle) -> Error {
+    let keys: Vec<&str> = pickle
+        .entries(pickle.root())
+        .iter()
+        .filter_map(|(key, _)| pickle.text(*key))
+        .take(8)
+        .collect();
+    Error::input(format!(
+        "no weights under `model_state_dict` (the file holds {}); expected a checkpoint of the authors' code or a \
+         state dict",
+        if keys.is_empty() {
+            "no names".to_owned()
+        } else {
+            keys.join(", ")
+        }
+    ))
 }
 
 fn is_tensor(class: &str) -> bool {
@@ -128,9 +328,9 @@ fn is_tensor(class: &str) -> bool {
 }
 
 /// A tensor as the pickle describes it: a view of a storage.
-struct View<'a> {
+struct View {
     /// Name of the storage's entry below `data/`.
-    storage: &'a str,
+    storage: String,
     element: Element,
     /// In elements, as are the strides.
     offset: usize,
@@ -138,25 +338,33 @@ struct View<'a> {
     strides: Vec<usize>,
 }
 
-impl<'a> View<'a> {
-    /// `None` for what is not a tensor.
-    fn of(pickle: &'a Pickle, id: Id, name: &str) -> Result<Option<Self>> {
-        let (Node::Object { arguments, .. }, Some(class)) = (pickle.node(id), pickle.class(id))
-        else {
-            return Ok(None);
+impl View {
+    /// The tensor that an object makes; what it is instead where it is not of floating-point numbers.
+    fn of(pickle: &Pickle, id: Id, name: &str) -> Result<Result<Self, String>> {
+        let made = |id: Id| match (pickle.node(id), pickle.class(id)) {
+            (Node::Object { arguments, .. }, Some(class)) => Some((*arguments, class)),
+            _ => None,
         };
-        if !is_tensor(class) {
-            return Ok(None);
-        }
+        // A parameter is made of a tensor.
+        let id = match made(id) {
+            Some((arguments, "torch._utils._rebuild_parameter")) => pickle
+                .items(arguments)
+                .and_then(|items| items.first())
+                .copied(),
+            _ => Some(id),
+        };
+        let Some((arguments, class)) = id.and_then(made) else {
+            return Ok(Err("no tensor".to_owned()));
+        };
         if class != "torch._utils._rebuild_tensor_v2" {
-            return Err(not_float(name, &format_args!("made by `{class}`")));
+            return Ok(Err(format!("made by `{class}`")));
         }
         let damaged = || {
             Error::input(format!(
                 "tensor `{name}` is not described as torch.save does; the file is damaged"
             ))
         };
-        let Some(&[storage, offset, shape, strides, ..]) = pickle.items(*arguments) else {
+        let Some(&[storage, offset, shape, strides, ..]) = pickle.items(arguments) else {
             return Err(damaged());
         };
         let Node::Persistent(storage) = pickle.node(storage) else {
@@ -173,7 +381,7 @@ impl<'a> View<'a> {
             "torch.FloatStorage" => Element::F32,
             "torch.HalfStorage" => Element::F16,
             "torch.BFloat16Storage" => Element::Bf16,
-            other => return Err(not_float(name, &format_args!("in a `{other}`"))),
+            other => return Ok(Err(format!("in a `{other}`"))),
         };
         let sizes = |list: Id| -> Option<Vec<usize>> {
             pickle
@@ -186,8 +394,8 @@ impl<'a> View<'a> {
         if shape.len() != strides.len() || shape.len() > 8 {
             return Err(damaged());
         }
-        Ok(Some(Self {
-            storage: pickle.text(key).ok_or_else(damaged)?,
+        Ok(Ok(Self {
+            storage: text_of(pickle, key).ok_or_else(damaged)?,
             element,
             offset: pickle.size(offset).ok_or_else(damaged)?,
             shape,
@@ -223,7 +431,7 @@ impl<'a> View<'a> {
     }
 }
 
-impl View<'_> {
+impl View {
     fn is_contiguous(&self) -> bool {
         strides(&self.shape) == self.strides
     }
@@ -277,7 +485,8 @@ struct Stored {
 }
 
 impl<'a> Archive<'a> {
-    fn open(bytes: &'a [u8]) -> Result<Self> {
+    /// `name` gives the name that an entry is known by here, by its path.
+    fn open(bytes: &'a [u8], name: impl Fn(&str) -> Option<String>) -> Result<Self> {
         let damaged = |e: rawzip::Error| {
             Error::input(format!(
                 "not a complete .pth file ({} bytes: {e}); was the download or the copy cut short?",
@@ -290,7 +499,7 @@ impl<'a> Archive<'a> {
             let entry = entry.map_err(damaged)?;
             let path = entry.file_path();
             let path = String::from_utf8_lossy(path.as_ref());
-            let Some((_, name)) = path.split_once('/') else {
+            let Some(name) = name(&path) else {
                 continue;
             };
             let found = Stored {
@@ -298,7 +507,7 @@ impl<'a> Archive<'a> {
                 is_stored: entry.compression_method() == CompressionMethod::STORE,
                 crc32: entry.crc32(),
             };
-            entries.insert(name.to_owned(), found);
+            entries.insert(name, found);
         }
         Ok(Self { zip, entries })
     }

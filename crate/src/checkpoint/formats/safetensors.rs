@@ -6,12 +6,13 @@ use std::collections::{BTreeMap, HashMap};
 use safetensors::tensor::{Dtype, SafeTensors, View};
 use serde_json::{Map, Value};
 
+use super::choice::{Choice, Wanted};
 use super::contents::Contents;
-use super::element::{Element, is_counter, not_float};
+use super::element::{Element, is_counter};
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
 
-pub fn read(bytes: &[u8]) -> Result<Contents> {
+pub fn read(bytes: &[u8], wanted: Wanted) -> Result<Contents> {
     let not_readable = |e| {
         Error::input(format!(
             "not a complete .safetensors file ({} bytes: {e}); was the download or the copy cut short?",
@@ -20,15 +21,22 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
     };
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_readable)?;
     let file = SafeTensors::deserialize(bytes).map_err(not_readable)?;
-    let mut tensors = BTreeMap::new();
+    let choice = Choice::of(file.iter().map(|(name, _)| name), wanted)?;
+    let (mut tensors, mut left_out) = (BTreeMap::new(), BTreeMap::new());
     for (name, view) in file.iter() {
+        let Some(name) = choice.name(name) else {
+            continue;
+        };
         let element = match view.dtype() {
             Dtype::F64 => Element::F64,
             Dtype::F32 => Element::F32,
             Dtype::F16 => Element::F16,
             Dtype::BF16 => Element::Bf16,
             _ if is_counter(name) => continue,
-            other => return Err(not_float(name, &format_args!("{other:?}"))),
+            other => {
+                left_out.insert(name.to_owned(), format!("{other:?}"));
+                continue;
+            }
         };
         let shape = view.shape().to_vec();
         let data = element.floats(view.data());
@@ -40,7 +48,12 @@ pub fn read(bytes: &[u8]) -> Result<Contents> {
         .flatten()
         .map(|(k, v)| (k.clone(), v.clone()))
         .collect();
-    Ok(Contents { tensors, metadata })
+    let contents = Contents {
+        tensors,
+        metadata,
+        left_out,
+    };
+    Ok(contents.chosen(&choice))
 }
 
 pub fn write(contents: &Contents) -> Result<Vec<u8>> {

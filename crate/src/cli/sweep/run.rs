@@ -252,7 +252,11 @@ impl<'a> Work<'a> {
         } else if self.asked_to_stop.is_none() {
             match state(self.folder, job.run).1 {
                 State::Failed { error, .. } => self.fail(job.run, &error),
-                // Another process was faster.
+                // Another process was faster, and is at work or done.
+                State::Done => {
+                    self.complete += 1;
+                    self.overall.set_position(self.complete);
+                }
                 State::Running { holder, .. } => {
                     self.elsewhere.push(worked_on(job.run, &holder));
                 }

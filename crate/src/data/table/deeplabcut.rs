@@ -5,92 +5,135 @@
 //! `coords`. A row of labels begins with the path of its image, `labeled-data/VIDEO/img0001.png`,
 //! in one field or in three; a row of an analysis with the number of its frame.
 
-use super::fields::{Delimited, coordinate, wrong_field};
-use super::rows::{Raw, Row, Sequences};
-use crate::data::names::{cleaned, last_number};
+use super::fields::{Beside, Delimited, image_number, is_unnamed, whole_number, wrong_field};
+use super::rows::{Points, Raw, Row, Sequences};
+use super::wide::three_coordinates;
+use crate::data::names::cleaned;
 use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
 /// What the video is called before the name that an analysis adds to it, `VIDEODLC_resnet50_…`.
 const ANALYSIS: &str = "DLC_";
 
-pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
-    let mut rows_of_header = Vec::new();
-    let coords = loop {
-        let Some((record, line)) = table.next()? else {
-            return Err(Error::input(
-                "the header has no row `coords`; expected the rows scorer, bodyparts and coords, as DeepLabCut writes them",
-            ));
-        };
-        match record.get(0).unwrap_or_default() {
-            "coords" => break record,
-            "individuals" | "bodyparts" => rows_of_header.push(record),
-            other => {
-                return Err(Error::input(format!(
-                    "the row begins with `{other}`; expected `individuals`, `bodyparts` or `coords`, as in DeepLabCut's \
-                     header"
-                ))
-                .at(format!("line {line}")));
+/// The columns of a body part.
+struct Part {
+    name: String,
+    x: Option<usize>,
+    y: Option<usize>,
+    sureness: Option<(Beside, usize)>,
+}
+
+/// The rows of the header.
+struct Header {
+    individuals: Option<csv::StringRecord>,
+    bodyparts: csv::StringRecord,
+    coords: csv::StringRecord,
+}
+
+impl Header {
+    fn read(table: &mut Delimited) -> Result<Self> {
+        let (mut individuals, mut bodyparts) = (None, None);
+        loop {
+            let Some((record, line)) = table.next()? else {
+                return Err(Error::input(
+                    "the header has no row `coords`; expected the rows scorer, bodyparts and coords, as DeepLabCut writes them",
+                ));
+            };
+            match record.get(0).unwrap_or_default() {
+                "coords" => {
+                    return Ok(Self {
+                        individuals,
+                        bodyparts: bodyparts
+                            .ok_or_else(|| Error::input("the header has no row `bodyparts`"))?,
+                        coords: record,
+                    });
+                }
+                "individuals" => individuals = Some(record),
+                "bodyparts" => bodyparts = Some(record),
+                other => {
+                    return Err(Error::input(format!(
+                        "the row begins with `{other}`; expected `individuals`, `bodyparts` or `coords`, as in DeepLabCut's \
+                         header"
+                    ))
+                    .at(format!("line {line}")));
+                }
             }
-        }
-    };
-    let row = |name: &str| {
-        rows_of_header
-            .iter()
-            .find(|record| record.get(0) == Some(name))
-    };
-    let Some(bodyparts) = row("bodyparts") else {
-        return Err(Error::input("the header has no row `bodyparts`"));
-    };
-    let individuals = row("individuals");
-    // Labels of newer versions have their path in three fields, with nothing above the last two.
-    let first = (1..coords.len())
-        .find(|i| coords.get(*i).is_some_and(|c| !c.is_empty()))
-        .unwrap_or(coords.len());
-    let mut points: Vec<(String, [Option<usize>; 2])> = Vec::new();
-    let mut likelihoods = 0;
-    for i in first..coords.len() {
-        let axis = match coords.get(i).unwrap_or_default() {
-            "x" => 0,
-            "y" => 1,
-            "likelihood" => {
-                likelihoods += 1;
-                continue;
-            }
-            other => {
-                return Err(Error::input(format!(
-                    "column {}: the coordinate `{other}`; expected x, y or likelihood",
-                    i + 1
-                )));
-            }
-        };
-        let part = bodyparts.get(i).unwrap_or_default();
-        let name = match individuals.and_then(|record| record.get(i)) {
-            // What belongs to no animal, or to the only one.
-            None | Some("" | "single") => cleaned(part).into_owned(),
-            Some(individual) => cleaned(&format!("{individual}/{part}")).into_owned(),
-        };
-        let at = match points.iter().position(|(n, _)| *n == name) {
-            Some(at) => at,
-            None => {
-                points.push((name, [None; 2]));
-                points.len() - 1
-            }
-        };
-        let column = &mut points[at].1[axis];
-        if column.replace(i).is_some() {
-            let name = &points[at].0;
-            return Err(Error::input(format!(
-                "column {}: `{name}` has this coordinate already",
-                i + 1
-            )));
         }
     }
+
+    /// The first column of a point. Labels of newer versions have their path in three fields, with
+    /// nothing above the last two.
+    fn first(&self) -> usize {
+        let named = |i: &usize| self.coords.get(*i).is_some_and(|cell| !is_unnamed(cell));
+        (1..self.coords.len())
+            .find(named)
+            .unwrap_or(self.coords.len())
+    }
+
+    /// The columns of every body part, in the order of the file, and the names of other columns.
+    fn parts(&self) -> Result<(Vec<Part>, Vec<String>)> {
+        let mut parts: Vec<Part> = Vec::new();
+        let mut names = Points::default();
+        let mut others = Points::default();
+        for i in self.first()..self.coords.len() {
+            let coordinate = self.coords.get(i).unwrap_or_default();
+            let part = self.bodyparts.get(i).unwrap_or_default();
+            let axis = coordinate.to_ascii_lowercase();
+            if axis == "z" {
+                return Err(three_coordinates(part));
+            }
+            let beside = Beside::of(coordinate);
+            if !["x", "y"].contains(&axis.as_str()) && beside.is_none() {
+                let name = match is_unnamed(coordinate) {
+                    true => format!("column {}", i + 1),
+                    false => coordinate.to_owned(),
+                };
+                others.number(&name);
+                continue;
+            }
+            let individual = self.individuals.as_ref().and_then(|record| record.get(i));
+            let name = match individual {
+                // What belongs to no animal, or to the only one.
+                None | Some("" | "single") => cleaned(part).into_owned(),
+                Some(individual) => cleaned(&format!("{individual}/{part}")).into_owned(),
+            };
+            let at = names.number(&name) as usize;
+            if at == parts.len() {
+                parts.push(Part {
+                    name,
+                    x: None,
+                    y: None,
+                    sureness: None,
+                });
+            }
+            let part = &mut parts[at];
+            let is_twice = match (beside, axis.as_str()) {
+                (Some(beside), _) => part.sureness.replace((beside, i)).is_some(),
+                (None, "x") => part.x.replace(i).is_some(),
+                (None, _) => part.y.replace(i).is_some(),
+            };
+            if is_twice {
+                return Err(Error::input(format!(
+                    "column {}: `{}` has this coordinate already",
+                    i + 1,
+                    part.name
+                )));
+            }
+        }
+        Ok((parts, others.names))
+    }
+}
+
+pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
+    let header = Header::read(&mut table)?;
+    let first = header.first();
+    let (parts, others) = header.parts()?;
     let mut columns = Vec::new();
-    for (name, found) in &points {
-        let [Some(x), Some(y)] = *found else {
+    for part in &parts {
+        let (Some(x), Some(y)) = (part.x, part.y) else {
             return Err(Error::input(format!(
-                "`{name}` has one coordinate; expected x and y"
+                "`{}` has one coordinate; expected x and y",
+                part.name
             )));
         };
         columns.push([x, y]);
@@ -98,13 +141,8 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     if columns.is_empty() {
         return Err(Error::input("the header names no body part"));
     }
-    if likelihoods > 0 {
-        table.notices.push(
-            "likelihoods are ignored: every position counts"
-                .to_owned()
-                .into(),
-        );
-    }
+    let others: Vec<&str> = others.iter().map(String::as_str).collect();
+    table.leave_out(&others);
 
     let video = stem
         .split(ANALYSIS)
@@ -115,26 +153,29 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     let mut rows = Vec::new();
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
+        // pandas writes a row with the name of the index.
+        if rows.is_empty()
+            && record.iter().skip(1).all(str::is_empty)
+            && whole_number(field(0)).is_none()
+        {
+            continue;
+        }
         let path: Vec<&str> = (0..first)
             .flat_map(|i| field(i).split(['/', '\\']))
+            .filter(|part| !part.is_empty())
             .collect();
         let wrong = |message: String| wrong_field(line, "scorer", message);
         let (sequence, frame) = match path.as_slice() {
-            [number]
-                if number
-                    .parse::<f64>()
-                    .is_ok_and(|n| n >= 0.0 && n.fract() == 0.0) =>
-            {
-                let number: f64 = number.parse().unwrap_or_default();
-                (video, number as u64)
-            }
             [.., folder, image] => {
-                let frame = last_number(image).ok_or_else(|| {
+                let frame = image_number(image).ok_or_else(|| {
                     wrong(format!(
                         "`{image}` has no number; expected an image with the number of its frame"
                     ))
                 })?;
                 (*folder, frame)
+            }
+            [number] if whole_number(number).is_some() => {
+                (video, whole_number(number).unwrap_or_default())
             }
             _ => {
                 return Err(wrong(format!(
@@ -144,22 +185,33 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
             }
         };
         let sequence = sequences.number(sequence).map_err(wrong)?;
-        for (point, [x, y]) in columns.iter().enumerate() {
-            let at = |column: usize| {
-                let name = format!(
-                    "{} {}",
-                    points[point].0,
-                    coords.get(column).unwrap_or_default()
-                );
-                coordinate(field(column)).map_err(|message| wrong_field(line, &name, message))
+        for (number, (part, [x, y])) in parts.iter().zip(&columns).enumerate() {
+            let wrong = |column: usize| {
+                let coordinate = header.coords.get(column).unwrap_or_default();
+                let name = format!("{} {coordinate}", part.name);
+                move |message| wrong_field(line, &name, message)
             };
+            let mut xy = [
+                table.coordinate(field(*x)).map_err(wrong(*x))?,
+                table.coordinate(field(*y)).map_err(wrong(*y))?,
+            ];
+            let mut confidence = f64::NAN;
+            if let Some((beside, column)) = part.sureness {
+                confidence = table.sureness(field(column)).map_err(wrong(column))?;
+                xy = beside.position(xy, confidence);
+            }
+            // What is hidden needs no row but the one that shows that the frame is there.
+            if number > 0 && xy.iter().all(|v| v.is_nan()) {
+                continue;
+            }
             rows.push(Row {
                 line,
                 sequence,
                 frame,
-                point,
-                xy: [at(*x)?, at(*y)?],
-                image_size: None,
+                point: number as u32,
+                xy,
+                confidence,
+                size: None,
             });
         }
     }
@@ -171,9 +223,10 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
     Ok(Raw {
         layout: Layout::DeepLabCut,
         sequences: sequences.names,
-        points: points.into_iter().map(|(name, _)| name).collect(),
+        points: parts.into_iter().map(|part| part.name).collect(),
         rows,
-        notices: table.notices,
+        sizes: Vec::new(),
+        notices: table.into_notices(),
         lacks_size: false,
     })
 }

@@ -5,11 +5,15 @@
 //! - *wide*: one row a frame, two columns a point, `cube_x,cube_y`;
 //! - *DeepLabCut*: CSV with three header rows (`scorer`, `bodyparts`, `coords`) or four
 //!   (`individuals` as well), of labels or of an analysis;
-//! - *COCO*: JSON with `images`, `annotations` and their `keypoints`, and `categories`.
+//! - *SLEAP*: the CSV of an analysis, wide with a track and scores;
+//! - *MOT*: boxes in rows without a header, whose centres are the points;
+//! - *COCO*: JSON with `images`, `annotations` and their `keypoints`, and `categories`, or a list of
+//!   results.
 //!
 //! Columns may come in any order, further ones are ignored and reported. Comma, semicolon and tab
-//! separate; a byte order mark and CRLF are accepted. A point with empty (or `nan`) x and y, or
-//! without a row, is not visible.
+//! separate; a byte order mark, UTF-16 and CRLF are accepted. A point with empty (or `nan`) x and y,
+//! or without a row, is not visible. A `likelihood`, `score` or `confidence` (COCO's v) says how sure
+//! a point is; `visible` as well, and 0 hides it.
 //!
 //! The result is in ndc. Positions in pixels have the centre of the first pixel at (0, 0), as
 //! everywhere here (see [`track`](crate::track)); they need the size of the images, which only COCO
@@ -19,16 +23,17 @@ mod coco;
 mod deeplabcut;
 mod delimited;
 mod fields;
+mod mot;
 mod rows;
 mod tidy;
 mod wide;
 mod write;
 
-use std::num::NonZeroUsize;
+use std::borrow::Cow;
+use std::num::NonZeroU32;
 
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 
-pub(crate) use delimited::layout_of;
 #[cfg(feature = "report")]
 pub(crate) use write::quote_csv;
 pub use write::{ground_truth_csv, keypoints_csv};
@@ -38,13 +43,13 @@ use super::reading::{
     AxisOrder, Layout, Notice, Parsed, Reading, Space, TableOptions, missing_image_size,
     ndc_from_pixels, point_notices,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::memory;
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
 use rows::{Content, Raw, Row};
 
-/// Bytes of a point in a frame: its position, and the row that gives it.
-const CELL: u64 = 2 * 8 + 8;
+/// Bytes of a point in a frame: its position, its confidence, and the row that gives it.
+const CELL: u64 = 2 * 8 + 8 + 4;
 
 /// Tables that take no more bytes may be as sparse as they like.
 const SPARSE_FROM: u64 = 64 << 20;
@@ -78,13 +83,18 @@ pub fn parse_ground_truth(
             .at(raw.place(row)));
         }
         let names = raw.points.clone();
-        let (keys, points, mut notices) = arrange(&raw, |k| format!("object {}", names[k]))?;
+        let Arranged {
+            keys,
+            points,
+            confidence,
+            mut notices,
+        } = arrange(&raw, |k| format!("object {}", names[k]))?;
         notices.extend(point_notices(
             &points,
             "positions are missing: the object counts as not visible in that frame",
         ));
         check_size(&raw, &reading)?;
-        let content = GroundTruth::new(keys, names, points)?;
+        let content = GroundTruth::new(keys, names, points)?.with_confidence(confidence)?;
         Ok(Parsed {
             content,
             reading,
@@ -107,9 +117,9 @@ pub fn parse_keypoints(
     let read = || {
         let (raw, reading) = read(bytes, name, Content::Keypoints, options)?;
         let count = raw.points.len();
-        let mut seen = vec![false; count];
+        let mut seen = vec![raw.layout != Layout::Tidy; count];
         for row in &raw.rows {
-            seen[row.point] = true;
+            seen[row.point as usize] = true;
         }
         if let Some(missing) = seen.iter().position(|s| !s) {
             return Err(Error::input(format!(
@@ -118,13 +128,18 @@ pub fn parse_keypoints(
                 reading.index_base.value
             )));
         }
-        let (keys, points, mut notices) = arrange(&raw, |n| format!("keypoint {n}"))?;
+        let Arranged {
+            keys,
+            points,
+            confidence,
+            mut notices,
+        } = arrange(&raw, |n| format!("keypoint {n}"))?;
         notices.extend(point_notices(
             &points,
             "keypoints are missing or not finite",
         ));
         check_size(&raw, &reading)?;
-        let content = KeypointTrack::new(keys, points)?;
+        let content = KeypointTrack::new(keys, points)?.with_confidence(confidence)?;
         Ok(Parsed {
             content,
             reading,
@@ -150,11 +165,25 @@ fn read(
     content: Content,
     options: &TableOptions,
 ) -> Result<(Raw, Reading)> {
-    let text = decode(bytes)?;
-    let mut raw = match text.trim_start().starts_with('{') {
-        true => coco::read(text)?,
-        false => delimited::read(text, name, content, options)?,
+    let (text, note) = decode(bytes)?;
+    let mut raw = match text.trim_start().starts_with(['{', '[']) {
+        true => coco::read(&text, delimited::stem(name))?,
+        false => delimited::read(&text, name, content, options)?,
     };
+    raw.notices.extend(note);
+    let lost = raw
+        .rows
+        .iter()
+        .filter(|row| is_lost(row, raw.layout))
+        .count();
+    if lost > 0 {
+        raw.notices.push(Notice::because(
+            format!(
+                "{lost} points lie at exactly (0, 0) with the least confidence: are they lost?"
+            ),
+            Reason::LostPoints { points: lost },
+        ));
+    }
     if raw.layout != Layout::Tidy {
         raw.notices.insert(
             0,
@@ -187,7 +216,8 @@ fn read(
     }
     if reading.space.value == Space::Pixels {
         for row in &mut raw.rows {
-            match row.image_size.or(options.image_size) {
+            let own = row.size.map(|size| raw.sizes[size.get()]);
+            match own.or(options.image_size) {
                 Some(size) => row.xy = ndc_from_pixels(row.xy, size),
                 None => raw.lacks_size = true,
             }
@@ -196,12 +226,24 @@ fn read(
     Ok((raw, reading))
 }
 
-/// The points as T x P x 2 in the order of sequence (natural) and frame, NaN where no row gives
-/// one.
-fn arrange(
-    table: &Raw,
-    name_of: impl Fn(usize) -> String,
-) -> Result<(Vec<FrameKey>, Array3<f64>, Vec<Notice>)> {
+/// Whether a point stands where some programs write what they lost.
+fn is_lost(row: &Row, layout: Layout) -> bool {
+    // COCO's v is 1 for what is there and hidden by something.
+    let least = if layout == Layout::Coco { 1.0 } else { 0.0 };
+    row.xy == [0.0; 2] && row.confidence <= least
+}
+
+/// Points in the order of sequence (natural) and frame.
+struct Arranged {
+    keys: Vec<FrameKey>,
+    /// T x P x 2, NaN where no row gives one.
+    points: Array3<f64>,
+    /// T x P, where the table has any; NaN where there is none.
+    confidence: Option<Array2<f64>>,
+    notices: Vec<Notice>,
+}
+
+fn arrange(table: &Raw, name_of: impl Fn(usize) -> String) -> Result<Arranged> {
     let points = table.points.len();
     let mut order: Vec<usize> = (0..table.sequences.len()).collect();
     order.sort_by(|a, b| natural(&table.sequences[*a], &table.sequences[*b]));
@@ -209,31 +251,49 @@ fn arrange(
     for (position, sequence) in order.iter().enumerate() {
         rank[*sequence] = position;
     }
-    let place = |row: &Row| (rank[row.sequence], row.frame);
+    let place = |row: &Row| (rank[row.sequence as usize], row.frame);
     let mut frames: Vec<(usize, u64)> = table.rows.iter().map(place).collect();
     frames.sort_unstable();
     frames.dedup();
+    if u32::try_from(table.rows.len()).is_err() {
+        return Err(Error::input("more than 4294967295 points; split the table"));
+    }
     check_density(frames.len(), points, table.rows.len())?;
     let mut values = Array3::from_elem((frames.len(), points, 2), f64::NAN);
+    let confidences = || {
+        table
+            .rows
+            .iter()
+            .map(|row| row.confidence)
+            .filter(|c| !c.is_nan())
+    };
+    // Of 0 throughout nothing follows.
+    let says_nothing = confidences().all(|confidence| confidence == 0.0);
+    let mut confidence =
+        (!says_nothing).then(|| Array2::from_elem((frames.len(), points), f64::NAN));
     // By frame and point, the row that gives it.
-    let mut given: Vec<Option<NonZeroUsize>> = vec![None; frames.len() * points];
+    let mut given: Vec<Option<NonZeroU32>> = vec![None; frames.len() * points];
     for (number, row) in numbered(&table.rows) {
         let Ok(t) = frames.binary_search(&place(row)) else {
             continue;
         };
-        let before = given[t * points + row.point].replace(number);
+        let point = row.point as usize;
+        let before = given[t * points + point].replace(number);
         if let Some(before) = before {
             return Err(Error::input(format!(
                 "sequence {}, frame {}, {} is already in {}; expected one row a point",
-                table.sequences[row.sequence],
+                table.sequences[row.sequence as usize],
                 row.frame,
-                name_of(row.point),
-                table.place(&table.rows[before.get() - 1]),
+                name_of(point),
+                table.place(&table.rows[before.get() as usize - 1]),
             ))
             .at(table.place(row)));
         }
         for axis in 0..2 {
-            values[[t, row.point, axis]] = row.xy[axis];
+            values[[t, point, axis]] = row.xy[axis];
+        }
+        if let Some(confidence) = &mut confidence {
+            confidence[[t, point]] = row.confidence;
         }
     }
     let keys = frames
@@ -243,12 +303,25 @@ fn arrange(
             frame,
         })
         .collect();
-    Ok((keys, values, table.notices.clone()))
+    let mut notices = table.notices.clone();
+    if says_nothing && confidences().next().is_some() {
+        notices.push(
+            "the confidence is 0 throughout, and is not used"
+                .to_owned()
+                .into(),
+        );
+    }
+    Ok(Arranged {
+        keys,
+        points: values,
+        confidence,
+        notices,
+    })
 }
 
 /// The rows with their numbers from 1.
-fn numbered(rows: &[Row]) -> impl Iterator<Item = (NonZeroUsize, &Row)> {
-    let numbers = (1..).map_while(NonZeroUsize::new);
+fn numbered(rows: &[Row]) -> impl Iterator<Item = (NonZeroU32, &Row)> {
+    let numbers = (1..).map_while(NonZeroU32::new);
     numbers.zip(rows)
 }
 
@@ -266,17 +339,31 @@ fn check_density(frames: usize, points: usize, rows: usize) -> Result<()> {
     memory::check(bytes, "positions", "score fewer frames or points at a time")
 }
 
-fn decode(bytes: &[u8]) -> Result<&str> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(Error::input(
-            "the table is UTF-16; save it as \"CSV UTF-8\" and try again",
-        ));
+/// The layout of a delimited table and the fields of its header, by its first bytes.
+pub(crate) fn look_at_table(head: &[u8]) -> (Layout, csv::StringRecord) {
+    let even = &head[..head.len() / 2 * 2];
+    let text = match utf16(even).flatten() {
+        Some(text) => Cow::Owned(text),
+        None => String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head)),
+    };
+    delimited::look_at(&text)
+}
+
+/// The text of a table, with what should be known of it.
+fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<Notice>)> {
+    if let Some(wide) = utf16(bytes) {
+        let text = wide.ok_or_else(|| {
+            Error::input(
+                "the table is UTF-16 with errors in it; save it as \"CSV UTF-8\" and try again",
+            )
+        })?;
+        return Ok((text.into(), Some("the table is UTF-16".to_owned().into())));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     if bytes.contains(&0) {
         return Err(Error::input("not a text file; expected a CSV table"));
     }
-    std::str::from_utf8(bytes).map_err(|e| {
+    let text = std::str::from_utf8(bytes).map_err(|e| {
         let line = bytes[..e.valid_up_to()]
             .iter()
             .filter(|b| **b == b'\n')
@@ -284,5 +371,28 @@ fn decode(bytes: &[u8]) -> Result<&str> {
             + 1;
         Error::input("not valid UTF-8; save the table as \"CSV UTF-8\" and try again")
             .at(format!("line {line}"))
-    })
+    })?;
+    Ok((text.into(), None))
+}
+
+/// The text of a table in UTF-16, with a byte order mark or, as every other byte of its beginning
+/// shows, without; `None` in the inner place where it has errors.
+fn utf16(bytes: &[u8]) -> Option<Option<String>> {
+    let is_little = match bytes {
+        [0xff, 0xfe, ..] => true,
+        [0xfe, 0xff, ..] => false,
+        [a, 0, b, 0, ..] if *a != 0 && *b != 0 => true,
+        [0, a, 0, b, ..] if *a != 0 && *b != 0 => false,
+        _ => return None,
+    };
+    let unit = |pair: &[u8]| match is_little {
+        true => u16::from_le_bytes([pair[0], pair[1]]),
+        false => u16::from_be_bytes([pair[0], pair[1]]),
+    };
+    let units = bytes.chunks_exact(2).map(unit);
+    let text: Result<String, _> = char::decode_utf16(units).collect();
+    Some(
+        text.ok()
+            .map(|text| text.trim_start_matches('\u{feff}').to_owned()),
+    )
 }

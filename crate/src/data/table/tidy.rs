@@ -1,9 +1,8 @@
 //! Tables with one row a point.
 
-use std::collections::HashMap;
-
-use super::fields::{Delimited, coordinate, frame, wrong_field};
-use super::rows::{Content, Raw, Row, Sequences};
+use super::fields::{Beside, Delimited, whole_number, wrong_field};
+use super::rows::{Content, Points, Raw, Row, Sequences};
+use super::wide::three_coordinates;
 use super::write::unescaped;
 use crate::data::names::{cleaned, quote_list};
 use crate::data::reading::{Layout, TableOptions};
@@ -12,46 +11,26 @@ use crate::error::{Error, Result};
 /// More keypoints than any detector has; a guard against a table whose columns are mixed up.
 const MAX_KEYPOINTS: u64 = 4096;
 
-/// Gives the points of a table their numbers.
-struct Points {
-    content: Content,
-    base: u64,
-    names: Vec<String>,
-    numbers: HashMap<String, usize>,
-}
-
-impl Points {
-    fn number(&mut self, text: &str) -> Result<usize, String> {
-        match self.content {
-            Content::GroundTruth if text.is_empty() => {
-                Err("empty; expected the name of the object".to_owned())
+/// The number of the point that a field names. Keypoints are their own numbers, from `base`.
+fn point(points: &mut Points, text: &str, content: Content, base: u64) -> Result<u32, String> {
+    if content == Content::GroundTruth {
+        return match text {
+            "" => Err("empty; expected the name of the object".to_owned()),
+            name => Ok(points.number(&cleaned(unescaped(name)))),
+        };
+    }
+    let number = whole_number(text).and_then(|n| n.checked_sub(base));
+    match number {
+        Some(n) if n < MAX_KEYPOINTS => {
+            for missing in points.names.len() as u64..=n {
+                points.number(&missing.to_string());
             }
-            Content::GroundTruth => Ok(*self
-                .numbers
-                .entry(cleaned(unescaped(text)).into_owned())
-                .or_insert_with_key(|name| {
-                    self.names.push(name.clone());
-                    self.names.len() - 1
-                })),
-            Content::Keypoints => match text
-                .parse::<u64>()
-                .ok()
-                .and_then(|n| n.checked_sub(self.base))
-            {
-                Some(n) if n < MAX_KEYPOINTS => {
-                    let n = n as usize;
-                    for missing in self.names.len()..=n {
-                        self.names.push(missing.to_string());
-                    }
-                    Ok(n)
-                }
-                _ => Err(format!(
-                    "`{text}` is not a keypoint; expected its number, {} to {}",
-                    self.base,
-                    self.base + MAX_KEYPOINTS - 1
-                )),
-            },
+            Ok(n as u32)
         }
+        _ => Err(format!(
+            "`{text}` is not a keypoint; expected its number, {base} to {}",
+            base.saturating_add(MAX_KEYPOINTS - 1)
+        )),
     }
 }
 
@@ -89,15 +68,24 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         )));
     }
     let at = columns.map(|c| find(c).unwrap_or_default());
+    let sureness = header
+        .iter()
+        .enumerate()
+        .find_map(|(at, name)| Some((Beside::of(name)?, at)));
+    let is_used = |at: usize, name: &str| {
+        sureness.is_some_and(|(_, column)| column == at)
+            || columns.iter().any(|c| name.eq_ignore_ascii_case(c))
+    };
     let ignored: Vec<&str> = header
         .iter()
-        .filter(|h| !columns.iter().any(|c| h.eq_ignore_ascii_case(c)))
+        .enumerate()
+        .filter(|(at, name)| !is_used(*at, name))
+        .map(|(_, name)| name)
         .collect();
-    if !ignored.is_empty() {
-        table
-            .notices
-            .push(format!("ignored: {}", quote_list(&ignored)).into());
+    if find("z").is_some() {
+        return Err(three_coordinates("a point"));
     }
+    table.leave_out(&ignored);
     if let Some(twice) = columns
         .iter()
         .find(|c| header.iter().filter(|h| h.eq_ignore_ascii_case(c)).count() > 1)
@@ -107,12 +95,8 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         )));
     }
 
-    let mut points = Points {
-        content,
-        base: options.index_base.unwrap_or_default(),
-        names: Vec::new(),
-        numbers: HashMap::new(),
-    };
+    let base = options.index_base.unwrap_or_default();
+    let mut points = Points::default();
     let mut sequences = Sequences::default();
     let mut rows = Vec::new();
     while let Some((record, line)) = table.next()? {
@@ -120,17 +104,28 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         let wrong =
             |column: usize| move |message: String| wrong_field(line, columns[column], message);
         let sequence = sequences.number(unescaped(field(0))).map_err(wrong(0))?;
-        let frame = frame(field(1)).map_err(wrong(1))?;
-        let point = points.number(field(2)).map_err(wrong(2))?;
-        let x = coordinate(field(3)).map_err(wrong(3))?;
-        let y = coordinate(field(4)).map_err(wrong(4))?;
+        let frame = table.frame(field(1)).map_err(wrong(1))?;
+        let point = point(&mut points, field(2), content, base).map_err(wrong(2))?;
+        let mut xy = [
+            table.coordinate(field(3)).map_err(wrong(3))?,
+            table.coordinate(field(4)).map_err(wrong(4))?,
+        ];
+        let mut confidence = f64::NAN;
+        if let Some((beside, column)) = sureness {
+            let name = header.get(column).unwrap_or_default();
+            confidence = table
+                .sureness(record.get(column).unwrap_or_default())
+                .map_err(|message| wrong_field(line, name, message))?;
+            xy = beside.position(xy, confidence);
+        }
         rows.push(Row {
             line,
             sequence,
             frame,
             point,
-            xy: [x, y],
-            image_size: None,
+            xy,
+            confidence,
+            size: None,
         });
     }
     if rows.is_empty() {
@@ -143,7 +138,8 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         sequences: sequences.names,
         points: points.names,
         rows,
-        notices: table.notices,
+        sizes: Vec::new(),
+        notices: table.into_notices(),
         lacks_size: false,
     })
 }

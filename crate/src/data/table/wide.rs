@@ -1,75 +1,146 @@
-//! Tables with one row a frame and two columns a point.
+//! Tables with one row a frame and two columns a point; SLEAP's analysis CSV, which has one row a
+//! frame and a track, is such a table.
 
-use super::fields::{Delimited, coordinate, frame, wrong_field};
-use super::rows::{Raw, Row, Sequences};
+use std::collections::{HashMap, HashSet};
+
+use super::fields::{Beside, Delimited, wrong_field};
+use super::rows::{Points, Raw, Row, Sequences};
 use super::write::unescaped;
-use crate::data::names::{cleaned, quote_list};
+use crate::data::names::cleaned;
 use crate::data::reading::Layout;
 use crate::error::{Error, Result};
 
-/// The names of points with the columns of x and y: `cube_x` and `cube_y`, with `_`, `.`, `-` or a
-/// space between.
-pub fn points(header: &csv::StringRecord) -> Vec<(String, [usize; 2])> {
-    let split = |field: &str, axis: char| {
-        let name = field.strip_suffix([axis, axis.to_ascii_uppercase()])?;
-        let name = name.strip_suffix(['_', '.', '-', ' '])?.trim_end();
-        (!name.is_empty()).then(|| cleaned(name).into_owned())
+/// The columns of a point.
+pub struct Columns {
+    /// Its name, cleaned.
+    pub name: String,
+    x: usize,
+    y: usize,
+    sureness: Option<(Beside, usize)>,
+}
+
+/// What frames and sequences are called.
+const FRAME: [&str; 6] = [
+    "frame",
+    "frame_idx",
+    "frame_index",
+    "frame_id",
+    "frame_number",
+    "fnum",
+];
+
+/// What stands between the name of a point and what a column holds of it.
+const BETWEEN: [char; 4] = ['_', '.', '-', ' '];
+
+/// The name of a point in the name of its column: before the axis, `cube_x`, or behind it,
+/// `x_cube`, with `_`, `.`, `-` or a space between.
+fn point_of<'a>(field: &'a str, axis: &str) -> Option<&'a str> {
+    let split = |at: usize| Some((field.get(..at)?, field.get(at..)?));
+    let ends = field.len().checked_sub(axis.len()).and_then(split);
+    let before = ends
+        .filter(|(_, end)| end.eq_ignore_ascii_case(axis))
+        .and_then(|(name, _)| name.strip_suffix(BETWEEN));
+    let behind = || {
+        let (start, name) = split(axis.len())?;
+        start
+            .eq_ignore_ascii_case(axis)
+            .then_some(name)?
+            .strip_prefix(BETWEEN)
     };
-    let mut points = Vec::new();
+    let name = before.or_else(behind)?.trim();
+    (!name.is_empty()).then_some(name)
+}
+
+/// The columns of all points.
+pub fn points(header: &csv::StringRecord) -> Vec<Columns> {
+    let mut points: Vec<Columns> = Vec::new();
+    let (mut ys, mut sureness) = (HashMap::new(), HashMap::new());
+    for (at, field) in header.iter().enumerate() {
+        if let Some(name) = point_of(field, "y") {
+            ys.entry(name).or_insert(at);
+        }
+        let beside = field.rsplit_once(BETWEEN);
+        if let Some((name, beside)) = beside.and_then(|(name, b)| Some((name, Beside::of(b)?))) {
+            sureness.entry(name.trim()).or_insert((beside, at));
+        }
+    }
     for (x, field) in header.iter().enumerate() {
-        let Some(name) = split(field, 'x') else {
+        let name = point_of(field, "x");
+        let Some((name, y)) = name.and_then(|name| Some((name, *ys.get(name)?))) else {
             continue;
         };
-        let y = header
-            .iter()
-            .position(|h| split(h, 'y').is_some_and(|n| n == name));
-        if let Some(y) = y {
-            points.push((name, [x, y]));
-        }
+        points.push(Columns {
+            name: cleaned(name).into_owned(),
+            x,
+            y,
+            sureness: sureness.get(name).copied(),
+        });
     }
     points
 }
 
-pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
+pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
     let header = table.header.clone();
-    let points = points(&header);
-    let find = |column: &str| header.iter().position(|h| h.eq_ignore_ascii_case(column));
-    let Some(frame_column) = find("frame") else {
+    let columns = points(&header);
+    let find = |names: &[&str]| {
+        names
+            .iter()
+            .find_map(|name| header.iter().position(|h| h.eq_ignore_ascii_case(name)))
+    };
+    let Some(frame_column) = find(&FRAME) else {
         let found: Vec<&str> = header.iter().collect();
         return Err(Error::input(format!(
             "line 1: column `frame` missing; expected e.g. `sequence,frame,{0}_x,{0}_y`, found `{1}`",
-            points.first().map_or("cube", |(name, _)| name),
+            columns.first().map_or("cube", |point| &point.name),
             found.join(",")
         )));
     };
-    let sequence_column = find("sequence");
-    for (i, (name, _)) in points.iter().enumerate() {
-        if points[..i].iter().any(|(other, _)| other == name) {
+    let sequence_column = find(&["sequence"]);
+    let track_column = find(&["track", "individual", "individuals"]);
+    let in_space: HashSet<&str> = header.iter().filter_map(|h| point_of(h, "z")).collect();
+    let mut names = HashSet::new();
+    for point in &columns {
+        if !names.insert(&point.name) {
             return Err(Error::input(format!(
-                "line 1: column `{name}_x` stands twice"
+                "line 1: column `{}_x` stands twice",
+                point.name
             )));
         }
+        if in_space.contains(point.name.as_str()) {
+            return Err(three_coordinates(&point.name));
+        }
+    }
+    let mut is_used = vec![false; header.len()];
+    let of_points = columns.iter().flat_map(|point| {
+        [
+            Some(point.x),
+            Some(point.y),
+            point.sureness.map(|(_, at)| at),
+        ]
+    });
+    for column in of_points
+        .chain([Some(frame_column), sequence_column, track_column])
+        .flatten()
+    {
+        is_used[column] = true;
     }
     let ignored: Vec<&str> = header
         .iter()
-        .enumerate()
-        .filter(|(i, _)| {
-            let is_point = points.iter().any(|(_, columns)| columns.contains(i));
-            !is_point && *i != frame_column && Some(*i) != sequence_column
-        })
-        .map(|(_, name)| name)
+        .zip(&is_used)
+        .filter(|(_, is_used)| !**is_used)
+        .map(|(name, _)| name)
         .collect();
-    if !ignored.is_empty() {
-        table
-            .notices
-            .push(format!("ignored: {}", quote_list(&ignored)).into());
-    }
+    table.leave_out(&ignored);
     if sequence_column.is_none() {
         table.notices.push(
             format!("there is no column `sequence`; all rows are taken for one, `{stem}`").into(),
         );
     }
     let mut sequences = Sequences::default();
+    let mut points = Points::default();
+    let mut tracks = Sequences::default();
+    // For each track the numbers of its points.
+    let mut numbers: Vec<Vec<u32>> = Vec::new();
     let mut rows = Vec::new();
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
@@ -83,18 +154,47 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
                 .map_err(wrong(column))?,
             None => sequences.number(stem).map_err(wrong(0))?,
         };
-        let frame = frame(field(frame_column)).map_err(wrong(frame_column))?;
-        for (point, (_, [x, y])) in points.iter().enumerate() {
+        let frame = table
+            .frame(field(frame_column))
+            .map_err(wrong(frame_column))?;
+        // Without a name, what belongs to no track.
+        let track = track_column.map(field).filter(|name| !name.is_empty());
+        let track = track
+            .map(|name| tracks.number(unescaped(name)))
+            .transpose()
+            .map_err(wrong(0))?;
+        let slot = track.map_or(0, |track| track as usize + 1);
+        if numbers.len() <= slot {
+            numbers.resize_with(slot + 1, Vec::new);
+        }
+        if numbers[slot].is_empty() {
+            let of_track = track.map(|track| format!("{}/", tracks.names[track as usize]));
+            let prefix = of_track.unwrap_or_default();
+            numbers[slot] = columns
+                .iter()
+                .map(|point| points.number(&format!("{prefix}{}", point.name)))
+                .collect();
+        }
+        for (point, columns) in numbers[slot].iter().zip(&columns) {
+            let mut at = |column: usize| table.coordinate(field(column)).map_err(wrong(column));
+            let mut xy = [at(columns.x)?, at(columns.y)?];
+            let mut confidence = f64::NAN;
+            if let Some((beside, column)) = columns.sureness {
+                confidence = table.sureness(field(column)).map_err(wrong(column))?;
+                xy = beside.position(xy, confidence);
+            }
+            // What is hidden needs no row but the one that shows that the frame is there.
+            if xy.iter().all(|v| v.is_nan()) && *point != numbers[slot][0] {
+                continue;
+            }
             rows.push(Row {
                 line,
                 sequence,
                 frame,
-                point,
-                xy: [
-                    coordinate(field(*x)).map_err(wrong(*x))?,
-                    coordinate(field(*y)).map_err(wrong(*y))?,
-                ],
-                image_size: None,
+                point: *point,
+                xy,
+                confidence,
+                size: None,
             });
         }
     }
@@ -104,11 +204,31 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         ));
     }
     Ok(Raw {
-        layout: Layout::Wide,
+        layout,
         sequences: sequences.names,
-        points: points.into_iter().map(|(name, _)| name).collect(),
+        points: only_track(points.names, &tracks.names),
         rows,
-        notices: table.notices,
+        sizes: Vec::new(),
+        notices: table.into_notices(),
         lacks_size: false,
     })
+}
+
+/// The names of points without the track where there is only one.
+fn only_track(points: Vec<String>, tracks: &[String]) -> Vec<String> {
+    let [track] = tracks else { return points };
+    let short = |name: &String| {
+        let name = name.strip_prefix(track.as_str())?.strip_prefix('/')?;
+        Some(name.to_owned())
+    };
+    let all: Option<Vec<String>> = points.iter().map(short).collect();
+    all.unwrap_or(points)
+}
+
+/// The error of points in space.
+pub fn three_coordinates(point: &str) -> Error {
+    Error::input(format!(
+        "`{point}` has three coordinates, x, y and z; expected points in the image: project them with the camera first, or \
+         delete the columns z to score x and y alone"
+    ))
 }

@@ -2,42 +2,72 @@
 
 use std::fmt::Write as _;
 
+use ndarray::Array2;
+
 use crate::track::{GroundTruth, KeypointTrack};
 
-/// A keypoint table as CSV, with every digit needed to read the same numbers again.
+/// A keypoint table as CSV, with every digit needed to read the same numbers again, and a column
+/// `confidence` where there is one.
 pub fn keypoints_csv(track: &KeypointTrack) -> String {
-    let mut out = String::from("sequence,frame,keypoint,x,y\n");
-    for (key, points) in track.keys().iter().zip(track.points().outer_iter()) {
+    let mut out = String::from("sequence,frame,keypoint,x,y");
+    out += confidence_header(track.confidence());
+    for (t, (key, points)) in track
+        .keys()
+        .iter()
+        .zip(track.points().outer_iter())
+        .enumerate()
+    {
         let sequence = quote_csv(&key.sequence);
         for (n, point) in points.rows().into_iter().enumerate() {
             // Writing to a String cannot fail.
-            let _ = writeln!(
+            let _ = write!(
                 out,
                 "{sequence},{},{n},{},{}",
                 key.frame, point[0], point[1]
             );
+            end_row(&mut out, track.confidence(), [t, n]);
         }
     }
     out
 }
 
+fn confidence_header(confidence: Option<&Array2<f64>>) -> &'static str {
+    match confidence {
+        Some(_) => ",confidence\n",
+        None => "\n",
+    }
+}
+
+/// Ends the row of a point, with its confidence where there are any.
+fn end_row(out: &mut String, confidence: Option<&Array2<f64>>, at: [usize; 2]) {
+    // Writing to a String cannot fail.
+    let _ = match confidence.map(|confidence| confidence[at]) {
+        Some(confidence) if confidence.is_nan() => writeln!(out, ","),
+        Some(confidence) => writeln!(out, ",{confidence}"),
+        None => writeln!(out),
+    };
+}
+
 /// A ground-truth table as CSV, with every digit needed to read the same numbers again; x and y are
-/// empty where an object is not visible.
+/// empty where an object is not visible. With a column `confidence` where there is one.
 pub fn ground_truth_csv(truth: &GroundTruth) -> String {
-    let mut out = String::from("sequence,frame,object,x,y\n");
-    for (key, points) in truth.keys().iter().zip(truth.points_ndc().outer_iter()) {
+    let mut out = String::from("sequence,frame,object,x,y");
+    out += confidence_header(truth.confidence());
+    let frames = truth.keys().iter().zip(truth.points_ndc().outer_iter());
+    for (t, (key, points)) in frames.enumerate() {
         let sequence = quote_csv(&key.sequence);
-        for (name, point) in truth.names().iter().zip(points.rows()) {
+        for (k, (name, point)) in truth.names().iter().zip(points.rows()).enumerate() {
             let name = quote_csv(name);
             // Writing to a String cannot fail.
             let _ = match point.iter().all(|v| v.is_finite()) {
-                true => writeln!(
+                true => write!(
                     out,
                     "{sequence},{},{name},{},{}",
                     key.frame, point[0], point[1]
                 ),
-                false => writeln!(out, "{sequence},{},{name},,", key.frame),
+                false => write!(out, "{sequence},{},{name},,", key.frame),
             };
+            end_row(&mut out, truth.confidence(), [t, k]);
         }
     }
     out

@@ -1,6 +1,7 @@
 //! The figures and the page of one evaluation.
 
 mod capability;
+mod confidence;
 mod matrix;
 mod page;
 mod sequences;
@@ -12,6 +13,7 @@ use crate::error::Result;
 use crate::evaluation::EvaluationReport;
 
 pub use capability::capability;
+pub use confidence::confidence;
 pub use matrix::matrix;
 pub use page::evaluation_page;
 pub use sequences::sequences;
@@ -41,6 +43,19 @@ pub fn evaluation_figures(report: &EvaluationReport) -> Result<Vec<Figure>> {
             svg: capability(report, None, theme, WIDTH)?.svg,
         },
     ];
+    if report
+        .confidence
+        .as_ref()
+        .is_some_and(|found| !found.levels.is_empty())
+    {
+        figures.push(Figure {
+            name: "confidence".to_owned(),
+            caption: "Tracking capability when keypoints below a confidence count as missing, over that confidence; dashed: the \
+                      share of the keypoints that is left."
+                .to_owned(),
+            svg: confidence(report, theme, WIDTH)?.svg,
+        });
+    }
     let mut names = FileNames::default();
     for of in report.sequences.iter().flatten() {
         let threshold = report

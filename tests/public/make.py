@@ -1,0 +1,378 @@
+"""Makes the files of tests/public/files, and tests/public/expected.json with what each must come to.
+
+Every file is one that people have, in small: written here by pandas, numpy or json as the program
+does that writes them, or by hand where that is what people do. The expected errors are computed
+from the positions by numpy alone, without the files: the best affine map by least squares, and the
+mean squared distance in ndc.
+
+    pip install numpy pandas h5py && python tests/public/make.py
+"""
+
+import io
+import json
+import pathlib
+import shutil
+import struct
+import zlib
+
+import h5py
+import numpy as np
+import pandas as pd
+
+HERE = pathlib.Path(__file__).parent
+OUT = HERE / "files"
+SIZE = np.array([100, 80])
+T = 40
+NAMES = ["nose", "tail"]
+PX = {"space": "px", "image_size": [100, 80]}
+SIZED = {"image_size": [100, 80]}
+
+t = np.arange(T)
+# Positions of two points in pixels, T x 2 x 2, of which every digit is written.
+TRUTH = np.stack(
+    [
+        np.stack([50 + 30 * np.sin(0.9 * t), 40 + 25 * np.cos(1.7 * t)], -1),
+        np.stack([45 + 28 * np.cos(1.3 * t), 42 + 20 * np.sin(0.5 * t + 1)], -1),
+    ],
+    1,
+).round(4)
+rng = np.random.default_rng(0)
+# Keypoints of a detector in pixels: they follow the points from a distance, with noise.
+KEYPOINTS = (TRUTH * [0.8, 0.9] + [7, -3] + rng.normal(0, 1.5, TRUTH.shape)).round(4)
+HIDDEN = [(3, 0), (9, 1), (20, 0)]
+
+
+def ndc(px):
+    return (2 * px + 1) / SIZE - 1
+
+
+def hidden(points=TRUTH, which=HIDDEN):
+    points = points.copy()
+    for frame, point in which:
+        points[frame, point] = np.nan
+    return points
+
+
+def errors(truth, keypoints):
+    """Error of every keypoint for every object: objects x keypoints; None where there is none."""
+    out = []
+    for x in np.moveaxis(truth, 1, 0):
+        row = []
+        for z in np.moveaxis(keypoints, 1, 0):
+            seen = ~np.isnan(x).any(1) & ~np.isnan(z).any(1)
+            if not seen.any():
+                row.append(None)
+                continue
+            design = np.column_stack([z[seen], np.ones(seen.sum())])
+            fit = design @ np.linalg.lstsq(design, x[seen], rcond=None)[0]
+            row.append(float(((x[seen] - fit) ** 2).sum(1).mean()))
+        out.append(row)
+    return out
+
+
+cases = []
+
+
+def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES):
+    """A file and what it comes to beside the plain table of the other role.
+
+    `points` are what it holds, T x P x 2 in pixels, in the order of `objects`; `refused` is a part
+    of the message of a file that cannot be read, `notes` are parts of what is told of one that can.
+    """
+    data = content if isinstance(content, bytes) else content.encode()
+    (OUT / name).write_bytes(data)
+    found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
+    if refused is not None:
+        found["refused"] = refused
+    else:
+        points = TRUTH if points is None and role == "truth" else KEYPOINTS if points is None else points
+        truth, keypoints = (points, KEYPOINTS) if role == "truth" else (TRUTH, points)
+        found["errors"] = errors(ndc(truth), ndc(keypoints))
+        if role == "truth":
+            found["objects"] = list(objects)
+    cases.append(found)
+
+
+def number(value):
+    return "" if np.isnan(value) else repr(float(value))
+
+
+def tidy(points, column="object", names=NAMES, sequence="vid", missing="", frame=str, tail="", sep=","):
+    rows = [sep.join(["sequence", "frame", column, "x", "y"])]
+    for i in range(T):
+        for p, name in enumerate(names):
+            x, y = (missing if np.isnan(v) else repr(float(v)) for v in points[i, p])
+            rows.append(sep.join([sequence, frame(i), name, x, y]) + tail)
+    return "\n".join(rows) + "\n"
+
+
+def wide(points, columns="{}_x,{}_y", frame="frame"):
+    rows = [",".join([frame] + [columns.format(name, name) for name in NAMES])]
+    for i in range(T):
+        rows.append(",".join([str(i)] + [number(v) for v in points[i].ravel()]))
+    return "\n".join(rows) + "\n"
+
+
+# Tidy tables.
+N = ndc(TRUTH)
+case("tidy.csv", tidy(N))
+case("tidy-pixels.csv", tidy(TRUTH), options=PX)
+case("tidy-hidden.csv", tidy(ndc(hidden())), points=hidden())
+for word in ["None", "null", "NULL", "NaN", "nan", "<NA>", "N/A", "#N/A", "n/a", "NA"]:
+    safe = word.replace("<", "lt").replace("/", "-").replace("#", "hash")
+    upper = "-upper" if word == "NULL" or word == "NA" else ""
+    case(f"tidy-missing-{safe}{upper}.csv", tidy(ndc(hidden()), missing=word), points=hidden())
+case("tidy-extra-columns.csv", pd.read_csv(io.StringIO(tidy(N))).assign(note="?", speed=1.5).to_csv(index=False), notes=["`note`", "`speed`"])
+case("tidy-index-column.csv", pd.read_csv(io.StringIO(tidy(N))).to_csv(), notes=["ignored"])
+case("tidy-reordered.csv", pd.read_csv(io.StringIO(tidy(N)))[["y", "x", "object", "frame", "sequence"]].to_csv(index=False))
+case("tidy-upper-case.csv", tidy(N).replace("sequence,frame,object,x,y", "Sequence,Frame,Object,X,Y"))
+case("tidy-quoted.csv", pd.read_csv(io.StringIO(tidy(N))).to_csv(index=False, quoting=2))
+case("tidy-crlf.csv", tidy(N).replace("\n", "\r\n"))
+case("tidy-bom.csv", b"\xef\xbb\xbf" + tidy(N).encode())
+case("tidy-tabs.tsv", tidy(N, sep="\t"), notes=["separated by a tab"])
+case("tidy-semicolons.csv", tidy(N, sep=";"), notes=["separated by a semicolon"])
+case("tidy-excel-sep.csv", "sep=;\n" + tidy(N, sep=";"))
+case("tidy-decimal-comma.csv", tidy(N, sep=";").replace(".", ","), notes=["with a decimal comma"])
+case("tidy-comment.csv", "# made by a script\n# of 2024\n" + tidy(N), notes=["2 lines before the header begin with #"])
+case("tidy-blank-first-lines.csv", "\n\n" + tidy(N))
+case("tidy-utf16-le-bom.csv", tidy(N).encode("utf-16"), notes=["UTF-16"])
+case("tidy-utf16-le.csv", tidy(N).encode("utf-16-le"), notes=["UTF-16"])
+case("tidy-utf16-be-bom.csv", b"\xfe\xff" + tidy(N).encode("utf-16-be"), notes=["UTF-16"])
+case("tidy-frame-float.csv", tidy(N, frame=lambda i: f"{i}.0"))
+case("tidy-frame-exponent.csv", tidy(N, frame=lambda i: f"{i}e0"))
+case("tidy-frame-zeros.csv", tidy(N, frame=lambda i: f"{i:03}"))
+case("tidy-frame-image.csv", tidy(N, frame=lambda i: f"frame_{i:03}.png"), notes=["`frame_000.png`"])
+case("tidy-frames-from-one.csv", tidy(N, frame=lambda i: str(i + 1)), options={"index_base": 1})
+case("tidy-trailing-commas.csv", tidy(N, tail=","), notes=["empty fields behind the last column"])
+case("tidy-composed-names.csv", tidy(N, sequence="Ho\u0308hle"))
+case("tidy-yx.csv", tidy(N[..., ::-1]), options={"axis_order": "yx"})
+table = pd.read_csv(io.StringIO(tidy(ndc(hidden()).clip(-9, 9), missing="0")))
+table["visible"] = table.x.ne(0)
+case("tidy-visible.csv", table.to_csv(index=False), points=hidden())
+for name, rows, why in [
+    ("tidy-frame-negative", tidy(N, frame=lambda i: str(i - 1)), "is not a frame"),
+    ("tidy-frame-clock", tidy(N, frame=lambda i: f"00:00:{i:02}"), "is not a frame"),
+    ("tidy-no-number", tidy(N).replace(repr(float(N[2, 0, 0])), "?"), "`?` is not a number"),
+    ("tidy-infinite", tidy(N).replace(repr(float(N[2, 0, 0])), "inf"), "is infinite"),
+    ("tidy-too-large", tidy(N).replace(repr(float(N[2, 0, 0])), "1e400"), "is infinite"),
+    ("tidy-two-x", tidy(N, tail=",9").replace("x,y\n", "x,y,x\n", 1), "column `x` stands twice"),
+    ("tidy-no-y", tidy(N).replace("object,x,y", "object,x,z"), "column `y` missing"),
+    ("tidy-three-d", tidy(N, tail=",0.5").replace("x,y\n", "x,y,z\n", 1), "three coordinates"),
+    ("tidy-twice", tidy(N) + "vid,0,nose,0,0\n", "is already in line 2"),
+    ("tidy-header-only", "sequence,frame,object,x,y\n", "no rows"),
+    ("tidy-empty", "", "no header"),
+    ("tidy-blank", "\n\n\n", "no header"),
+    ("tidy-cut", tidy(N)[:-30], "3 fields; expected 5"),
+]:
+    case(f"{name}.csv", rows, refused=why)
+case("tidy-nul.csv", tidy(N).replace("nose", "no\0se"), refused="not a text file")
+case("tidy-latin1.csv", tidy(N, sequence="H\u00f6hle").encode("latin-1"), refused="not valid UTF-8")
+case("keypoints.csv", tidy(ndc(KEYPOINTS), "keypoint", ["0", "1"]), role="keypoints")
+case("keypoints-pixels.csv", tidy(KEYPOINTS, "keypoint", ["0", "1"]), role="keypoints", options=PX)
+case("keypoints-hidden.csv", tidy(ndc(hidden(KEYPOINTS)), "keypoint", ["0", "1"], missing="None"), role="keypoints", points=hidden(KEYPOINTS))
+case("keypoints-float-numbers.csv", tidy(ndc(KEYPOINTS), "keypoint", ["0.0", "1.0"]), role="keypoints")
+
+# Wide tables.
+case("wide.csv", wide(N))
+case("wide-dots.csv", wide(N, "{}.x,{}.y"))
+case("wide-dashes.csv", wide(N, "{}-x,{}-y"))
+case("wide-upper-case.csv", wide(N, "{}_X,{}_Y"))
+case("wide-axis-first.csv", wide(N, "x_{},y_{}"))
+case("wide-frame-idx.csv", wide(N, frame="frame_idx"))
+case("wide-hidden.csv", wide(ndc(hidden())), points=hidden())
+case("wide-pixels.csv", wide(TRUTH), options=PX)
+table = pd.read_csv(io.StringIO(wide(N)))
+case("wide-other-columns.csv", table.assign(x=1.0, y=2.0, time=0.1).to_csv(index=False), notes=["`x`", "`time`"])
+case("wide-frame-float.csv", table.assign(frame=table.frame.astype(float)).to_csv(index=False))
+case("wide-scores.csv", table.assign(nose_score=0.9, tail_likelihood=0.8).to_csv(index=False))
+case("wide-twice.csv", wide(N).replace("tail_", "nose_"), refused="column `nose_x` stands twice")
+case("wide-three-d.csv", table.assign(nose_z=1.0).to_csv(index=False), refused="three coordinates")
+case("keypoints-wide.csv", wide(ndc(KEYPOINTS)), role="keypoints", notes=["keypoint 0 is `nose`"])
+
+# DeepLabCut and those who write its tables.
+def deeplabcut(points, coords=("x", "y", "likelihood"), extra=None, individuals=None, index=None, scorer="DLC_resnet50"):
+    """As pandas writes a table of several header rows."""
+    columns, values = [], []
+    for p, name in enumerate(NAMES):
+        for coord in coords:
+            column = {"x": points[:, p, 0], "y": points[:, p, 1], "likelihood": np.full(T, 0.99), "visible": np.full(T, 1)}
+            columns.append((scorer, *([individuals[p]] if individuals else []), name, coord))
+            values.append(column.get(coord, np.full(T, 0.25)))
+    names = ["scorer", *(["individuals"] if individuals else []), "bodyparts", "coords"]
+    table = pd.DataFrame(dict(enumerate(values)))
+    table.columns = pd.MultiIndex.from_tuples(columns, names=names)
+    if extra is not None:
+        table[(extra,) + ("",) * (len(names) - 1)] = "train"
+    if index is not None:
+        table.index = index
+    return table
+
+
+paths = [f"labeled-data/vid/img{i:03}.png" for i in range(T)]
+split = pd.MultiIndex.from_tuples([("labeled-data", "vid", f"img{i:03}.png") for i in range(T)])
+case("dlc.csv", deeplabcut(TRUTH).to_csv(), options=SIZED)
+case("dlc-labels.csv", deeplabcut(hidden(), ("x", "y"), index=paths).to_csv(), options=SIZED, points=hidden())
+case("dlc-labels-three-fields.csv", deeplabcut(TRUTH, ("x", "y"), index=split).to_csv(), options=SIZED)
+three = deeplabcut(TRUTH, index=split).to_csv().splitlines()
+for row in range(3):
+    three[row] = three[row].replace(",,,", f",Unnamed: 1_level_{row},Unnamed: 2_level_{row},", 1)
+case("dlc-unnamed.csv", "\n".join(three) + "\n", options=SIZED)
+case("dlc-no-scorer.csv", deeplabcut(TRUTH).to_csv().replace("scorer,", ",", 1), options=SIZED)
+case("dlc-unnamed-scorer.csv", deeplabcut(TRUTH).to_csv().replace("scorer,", "Unnamed: 0,", 1), options=SIZED)
+case("dlc-index-name.csv", deeplabcut(TRUTH, index=pd.Index(range(T), name="frame")).to_csv(), options=SIZED)
+case("dlc-upper-case.csv", deeplabcut(TRUTH).to_csv().replace("coords,x,y,likelihood,x,y", "coords,X,Y,likelihood,X,Y"), options=SIZED)
+case("dlc-float-index.csv", deeplabcut(TRUTH, index=np.arange(T, dtype=float)).to_csv(), options=SIZED)
+case("dlc-individuals.csv", deeplabcut(TRUTH, individuals=["a", "b"]).to_csv(), options=SIZED, objects=["a/nose", "b/tail"])
+case("dlc-one-individual.csv", deeplabcut(TRUTH, individuals=["single", "single"]).to_csv(), options=SIZED)
+seen = deeplabcut(hidden(), ("x", "y", "visible"))
+for frame, point in HIDDEN:
+    seen.iloc[frame, 3 * point : 3 * point + 3] = 0
+case("lightning-pose-visible.csv", seen.to_csv(), options=SIZED, points=hidden())
+case("lightning-pose-set.csv", deeplabcut(TRUTH, extra="set").to_csv(), options=SIZED, notes=["ignored"])
+unnamed = deeplabcut(TRUTH, extra="set").to_csv().splitlines()
+unnamed[1] += "Unnamed: 7_level_1"
+unnamed[2] += "Unnamed: 7_level_2"
+case("lightning-pose-set-unnamed.csv", "\n".join(unnamed) + "\n", options=SIZED)
+eks = ("x", "y", "likelihood", "x_ens_median", "y_ens_median", "x_ens_var", "y_ens_var", "x_posterior_var", "y_posterior_var")
+case("eks.csv", deeplabcut(TRUTH, eks).to_csv(), options=SIZED, notes=["`x_ens_median`", "`y_posterior_var`"])
+zero = deeplabcut(TRUTH, eks)
+zero.loc[:, [c for c in zero.columns if c[-1] == "likelihood"]] = 0.0
+case("eks-likelihood-0.csv", zero.to_csv(), options=SIZED, notes=["the confidence is 0 throughout"])
+case("moseq-three-d.csv", deeplabcut(TRUTH, ("x", "y", "z")).to_csv(), refused="three coordinates", options=SIZED)
+case("dlc-without-size.csv", deeplabcut(TRUTH).to_csv(), refused="the size of the images is not known")
+case("keypoints-dlc.csv", deeplabcut(KEYPOINTS).to_csv(), role="keypoints", options=SIZED)
+
+# SLEAP's analysis, Anipose, MOT.
+def sleap(points, track="track_0"):
+    table = pd.DataFrame({"track": track, "frame_idx": t, "instance.score": 0.9})
+    for p, name in enumerate(NAMES):
+        table[f"{name}.x"], table[f"{name}.y"], table[f"{name}.score"] = *points[:, p].T, 0.8
+    return table
+
+
+case("sleap.csv", sleap(TRUTH).to_csv(index=False), options=SIZED)
+case("sleap-hidden.csv", sleap(hidden()).to_csv(index=False), options=SIZED, points=hidden())
+both = pd.concat([sleap(TRUTH), sleap(TRUTH[:, ::-1], "track_1")]).sort_values(["frame_idx", "track"])
+names = [f"track_{i}/{name}" for i in range(2) for name in NAMES]
+case("sleap-two-tracks.csv", both.to_csv(index=False), options=SIZED, objects=names, points=np.concatenate([TRUTH, TRUTH[:, ::-1]], 1))
+case("keypoints-sleap.csv", sleap(KEYPOINTS).to_csv(index=False), role="keypoints", options=SIZED)
+anipose = pd.DataFrame()
+for p, name in enumerate(NAMES):
+    anipose[f"{name}_x"], anipose[f"{name}_y"] = TRUTH[:, p].T
+    anipose[[f"{name}_z", f"{name}_error", f"{name}_ncams", f"{name}_score"]] = [1.0, 0.1, 2, 0.9]
+case("anipose.csv", anipose.assign(fnum=t).to_csv(index=False), refused="three coordinates", options=SIZED)
+boxes = [
+    f"{i + 1},{p + 1},{float(TRUTH[i, p, 0] - 5)!r},{float(TRUTH[i, p, 1] - 4)!r},10,8,1,-1,-1,-1"
+    for i in range(T)
+    for p in range(2)
+]
+case("mot.txt", "\n".join(boxes) + "\n", options={**SIZED, "index_base": 1}, objects=["1", "2"], notes=["centres of the boxes"])
+
+# COCO.
+def coco(points, v=2, **changes):
+    images = [{"id": i, "file_name": f"vid/img{i:03}.png", "width": 100, "height": 80} for i in range(T)]
+    flat = lambda i: [n for p in range(2) for n in ([0, 0, 0] if np.isnan(points[i, p, 0]) else [*map(float, points[i, p]), v])]
+    annotations = [{"id": i, "image_id": i, "category_id": 1, "keypoints": flat(i), "num_keypoints": 2} for i in range(T)]
+    file = {"images": images, "annotations": annotations, "categories": [{"id": 1, "name": "animal", "keypoints": NAMES}]}
+    for key, change in changes.items():
+        for i, one in enumerate(file[key]):
+            change(i, one)
+    return file
+
+
+def put(key, value):
+    return lambda i, one: one.__setitem__(key, value(i, one))
+
+
+case("coco.json", json.dumps(coco(TRUTH)))
+case("coco-hidden.json", json.dumps(coco(hidden())), points=hidden())
+case("coco-width-float.json", json.dumps(coco(TRUTH, images=put("width", lambda i, one: 100.0))))
+case("coco-width-text.json", json.dumps(coco(TRUTH, images=put("width", lambda i, one: "100"))))
+case("coco-id-text.json", json.dumps(coco(TRUTH, annotations=put("image_id", lambda i, one: str(i)))))
+case("coco-id-float.json", json.dumps(coco(TRUTH, annotations=put("image_id", lambda i, one: float(i)))))
+case("coco-nested.json", json.dumps(coco(TRUTH, annotations=put("keypoints", lambda i, one: [one["keypoints"][:3], one["keypoints"][3:]]))))
+case("coco-no-keypoints.json", json.dumps(coco(TRUTH, annotations=lambda i, one: one.update(keypoints=[]) if i == 4 else None)), points=hidden(which=[(4, 0), (4, 1)]))
+nothing = lambda value: lambda i, one: one["keypoints"].__setitem__(slice(0, 2), [value] * 2) if i == 4 else None
+case("coco-null.json", json.dumps(coco(TRUTH, annotations=nothing(None))), points=hidden(which=[(4, 0)]))
+case("coco-nan.json", json.dumps(coco(TRUTH, annotations=nothing(float("nan")))), points=hidden(which=[(4, 0)]))
+case("coco-infinity.json", json.dumps(coco(TRUTH, annotations=nothing(float("inf")))), points=hidden(which=[(4, 0)]))
+case("coco-category-null.json", json.dumps(coco(TRUTH, categories=put("keypoints", lambda i, one: None))), objects=["0", "1"])
+second = coco(TRUTH)
+second["annotations"] += [{"id": 100 + i, "image_id": i, "category_id": 1, "keypoints": [0] * 6} for i in range(T)]
+case("coco-second-of-zeros.json", json.dumps(second), notes=["that show no keypoint, beside another one"])
+tracked = coco(TRUTH, annotations=put("attributes", lambda i, one: {"track_id": 7, "occluded": False}))
+others = coco(TRUTH[:, ::-1], annotations=put("attributes", lambda i, one: {"track_id": 8}))
+tracked["annotations"] += others["annotations"]
+names = [f"{track}/{name}" for track in (7, 8) for name in NAMES]
+case("coco-cvat-tracks.json", json.dumps(tracked), objects=names, points=np.concatenate([TRUTH, TRUTH[:, ::-1]], 1))
+result = [{"image_id": i, "category_id": 1, "score": 0.9, "keypoints": [*map(float, KEYPOINTS[i, 0]), 0.8, *map(float, KEYPOINTS[i, 1]), 0.7]} for i in range(T)]
+case("keypoints-coco-results.json", json.dumps(result), role="keypoints", options=SIZED, notes=["`image_id` is taken for the number of the frame"])
+for name, file, why in [
+    ("coco-two-of-one", {**coco(TRUTH), "annotations": coco(TRUTH)["annotations"] * 2}, "annotation 40: its image has annotation 0"),
+    ("coco-no-image", coco(TRUTH, annotations=put("image_id", lambda i, one: i + 1)), "annotation 39: there is no image with the id 40"),
+    ("coco-image-twice", {**coco(TRUTH), "images": coco(TRUTH)["images"] * 2}, "two images have the id 0"),
+    ("coco-text", coco(TRUTH, annotations=nothing("1")), "annotation 4:"),
+    ("coco-too-large", coco(TRUTH, annotations=nothing(1e308)), "annotation 4:"),
+    ("coco-side-0", coco(TRUTH, images=put("width", lambda i, one: 0)), "annotation 0: its image `vid/img000.png` has a side of 0"),
+    ("coco-no-number", coco(TRUTH, images=put("file_name", lambda i, one: "img.png")), "annotation 0: its image `img.png` has no number"),
+    ("coco-empty", {}, "not COCO keypoints"),
+]:
+    case(f"{name}.json", json.dumps(file), refused=why)
+
+
+# numpy.
+def npz(**arrays):
+    """As np.savez writes it, with the same bytes every time."""
+    out = io.BytesIO()
+    np.savez(out, **arrays)
+    return out.getvalue()
+
+
+case("points.npz", npz(keypoints=N, names=np.array(NAMES)))
+case("points-sequences.npz", npz(keypoints=N[None], names=np.array(NAMES)))
+case("points-hidden.npz", npz(keypoints=ndc(hidden()), names=np.array(NAMES)), points=hidden())
+case("points-pixels.npz", npz(keypoints=TRUTH, names=np.array(NAMES)), options=PX)
+case("points-other-arrays.npz", npz(keypoints=N, names=np.array(NAMES), extra=np.array([{"a": 1}], dtype=object)))
+case("points-no-names.npz", npz(keypoints=N), objects=["point_0", "point_1"])
+case("points-by-columns.npz", npz(keypoints=np.asfortranarray(N), names=np.array(NAMES)))
+case("points-big-endian.npz", npz(keypoints=N.astype(">f8"), names=np.array(NAMES)))
+whole = TRUTH.round()
+for kind in ["i8", "i4", "u2", "f2"]:
+    case(f"points-{kind}.npz", npz(keypoints=whole.astype(kind), names=np.array(NAMES)), options=PX, points=whole)
+case("points-pickled-names.npz", npz(keypoints=N, names=np.array(NAMES, dtype=object)), objects=["point_0", "point_1"], notes=["`names`"])
+case("points-confidence.npz", npz(keypoints=N, names=np.array(NAMES), confidence=np.full((T, 2), 0.5)))
+seen = ~np.isnan(hidden()[..., 0])
+tracked = {"options": SIZED, "points": hidden(KEYPOINTS), "role": "keypoints"}
+case("cotracker.npz", npz(tracks=KEYPOINTS[None], visibility=seen[None]), **tracked)
+case("tapir.npz", npz(tracks=KEYPOINTS.swapaxes(0, 1), visibles=seen.T), **tracked)
+shares = (ndc(TRUTH).swapaxes(0, 1) + 1) / 2
+case("tap-vid.npz", npz(points=shares, occluded=~seen.T), points=hidden(), objects=["point_0", "point_1"], notes=["shares of the image"])
+array = io.BytesIO()
+np.save(array, ndc(KEYPOINTS))
+case("keypoints.npy", array.getvalue(), role="keypoints")
+case("points-three-d.npz", npz(keypoints=np.dstack([N, N[..., :1]])), refused="expected [S, T, K, 2]")
+case("keypoints.npz", npz(keypoints=ndc(KEYPOINTS)), role="keypoints")
+
+
+# SLEAP's analysis as HDF5.
+with h5py.File(OUT / "sleap.analysis.h5", "w") as file:
+    file["tracks"] = hidden().transpose(2, 1, 0)[None]
+    file["node_names"] = [name.encode() for name in NAMES]
+    file["track_names"] = [b"track_0"]
+    file["point_scores"] = np.full((1, 2, T), 0.9)
+case("sleap.analysis.h5", (OUT / "sleap.analysis.h5").read_bytes(), options=SIZED, points=hidden())
+with h5py.File(OUT / "keypoints-sleap-two.analysis.h5", "w") as file:
+    file["tracks"] = np.stack([KEYPOINTS, KEYPOINTS[:, ::-1]]).transpose(0, 3, 2, 1)
+    file["node_names"] = [name.encode() for name in NAMES]
+    file["track_names"] = [b"a", b"b"]
+case("keypoints-sleap-two.analysis.h5", (OUT / "keypoints-sleap-two.analysis.h5").read_bytes(), role="keypoints", options=SIZED, points=np.concatenate([KEYPOINTS, KEYPOINTS[:, ::-1]], 1))
+
+
+def main():
+    plain = {"truth": "tidy.csv", "keypoints": "keypoints.csv", "size": SIZE.tolist()}
+    text = json.dumps({**plain, "cases": cases}, indent=1)
+    (HERE / "expected.json").write_text(text + "\n")
+    print(f"{len(cases)} files, {sum('refused' in c for c in cases)} of them refused")
+
+
+main()
