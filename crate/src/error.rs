@@ -58,6 +58,8 @@ pub enum Reason {
     LooksLikeNdc,
     /// No coordinate is negative, as in a unit that goes from 0 to 1 across the image.
     LooksLikeFractions,
+    /// The keypoints of a table count from 1.
+    KeypointsFromOne,
     /// The file does not say in which order the coordinates are; the usual order was assumed.
     AssumedAxisOrder,
 }

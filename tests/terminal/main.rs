@@ -5,6 +5,7 @@ mod runs;
 
 mod cli;
 mod cli_checkpoint;
+mod doctor;
 mod evaluation;
 #[cfg(all(feature = "train", unix))]
 mod integrity;

@@ -6,7 +6,7 @@ use super::arrays::{ArrayFile, Kind, POINTS, Values, check_frames, count, find, 
 use super::names::cleaned;
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Notice, Reading, Space, Table, TableOptions,
-    missing_image_size, ndc_from_pixels, point_notices,
+    missing_image_size, point_notices,
 };
 use crate::error::{Error, Reason, Result};
 use crate::memory;
@@ -127,11 +127,13 @@ impl Points {
             axes,
             // Frames are the positions in the array.
             index_base: Known::of(None, 0, Ground::File),
+            ..Reading::new(Layout::Arrays, options)
         };
-        let in_pixels = reading.space.value == Space::Pixels;
-        if let Some(size) = options.image_size.filter(|_| in_pixels) {
-            for point in values.chunks_exact_mut(2) {
-                point.copy_from_slice(&ndc_from_pixels([point[0], point[1]], size));
+        let lacks_size = reading.space.value == Space::Pixels && options.image_size.is_none();
+        for point in values.chunks_exact_mut(2) {
+            let at = [point[0], point[1]];
+            if let Some(placed) = options.place(at, reading.space.value, options.image_size) {
+                point.copy_from_slice(&placed);
             }
         }
         let names = match file.point_names()? {
@@ -156,7 +158,7 @@ impl Points {
                     info.shape
                 ))
             })?;
-        if in_pixels && options.image_size.is_none() {
+        if lacks_size {
             return Err(missing_image_size(
                 &format!("the positions of `{name}`"),
                 reading.space.by,

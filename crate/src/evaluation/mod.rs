@@ -27,6 +27,7 @@
 //! # Ok::<(), tracklens::Error>(())
 //! ```
 
+pub mod doctor;
 mod document;
 mod request;
 mod scoring;

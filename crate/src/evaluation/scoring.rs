@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use super::thresholds::Thresholds;
-use crate::data::{Join, SequenceRange, join, ranges};
+use crate::data::{Alignment, Join, SequenceRange, join_aligned, ranges};
 use crate::error::{Error, ErrorKind, Result};
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
@@ -74,7 +74,20 @@ impl Scoring {
     /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the
     /// message names the frame.
     pub fn new(truth: &GroundTruth, keypoints: &KeypointTrack, policy: NonFinite) -> Result<Self> {
-        let join = join(keypoints.keys(), truth.keys())?;
+        Self::aligned(truth, keypoints, policy, Alignment::default())
+    }
+
+    /// As [`Scoring::new`], with rows of the ground truth whose numbers are changed.
+    ///
+    /// # Errors
+    /// As [`Scoring::new`].
+    pub fn aligned(
+        truth: &GroundTruth,
+        keypoints: &KeypointTrack,
+        policy: NonFinite,
+        alignment: Alignment,
+    ) -> Result<Self> {
+        let join = join_aligned(keypoints.keys(), truth.keys(), alignment)?;
         let (left, right): (Vec<usize>, Vec<usize>) = join.pairs.iter().copied().unzip();
         let mut accumulator = Accumulator::new(keypoints.keypoints(), truth.names().len(), policy);
         for (z, x) in &join.pairs {

@@ -109,7 +109,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
 
     let mut points = Points {
         content,
-        base: options.index_base.unwrap_or_default(),
+        base: options.first_keypoint(),
         names: Vec::new(),
         numbers: HashMap::new(),
     };
