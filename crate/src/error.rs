@@ -64,6 +64,8 @@ pub enum Reason {
         /// How many.
         points: usize,
     },
+    /// The keypoints of a table count from 1.
+    KeypointsFromOne,
     /// The file does not say in which order the coordinates are; the usual order was assumed.
     AssumedAxisOrder,
 }

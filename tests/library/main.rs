@@ -11,6 +11,8 @@ mod checkpoint;
 mod context;
 #[cfg(all(feature = "engine", feature = "jpeg-webp"))]
 mod data;
+#[cfg(feature = "data")]
+mod doctor;
 #[cfg(feature = "engine")]
 mod engine;
 #[cfg(all(feature = "engine", feature = "hdf5"))]

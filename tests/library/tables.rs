@@ -378,6 +378,7 @@ fn what_the_numbers_are_taken_for_is_told_with_its_ground() {
         axes: Some(AxisOrder::Yx),
         index_base: Some(1),
         image_size: Some([20, 10]),
+        ..TableOptions::default()
     });
     assert_eq!(
         (said.space.value, said.space.by),

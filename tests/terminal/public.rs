@@ -96,7 +96,7 @@ fn files_as_people_have_them_come_to_the_errors_of_numpy() {
                 fail(format!("expected the objects {names:?}"));
             }
         }
-        let [theirs, ours] = [&case["errors"], &found["errors"]].map(|e| matrix(e));
+        let [theirs, ours] = [&case["errors"], &found["errors"]].map(matrix);
         // Both solve least squares in f64, by other algorithms; coordinates are near 1.
         let near = |(a, b): (&Option<f64>, &Option<f64>)| match (a, b) {
             (Some(a), Some(b)) => (a - b).abs() <= 1e-12,

@@ -144,7 +144,8 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     let frames = common.reading.open(&arguments.path)?;
     let truth = common
         .reading
-        .find(common.truth.as_deref(), &arguments.path, &*frames)?;
+        .find(common.truth.as_deref(), &arguments.path, &*frames)?
+        .map(|truth| truth.points);
     let index = frames.index();
     let lengths = || index.sequences().into_iter().map(|s| s.length);
     let mut found = Inspection {
@@ -337,7 +338,7 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
         .reading
         .find(common.truth.as_deref(), &arguments.input, &*frames)?;
     let truth = truth
-        .map(|truth| aligned(&truth, frames.index().keys()))
+        .map(|truth| aligned(&truth.points, frames.index().keys()))
         .transpose()?;
     if truth.is_none() {
         eprintln!("note: there is no ground truth; the frames are written without");

@@ -14,7 +14,7 @@ use super::files::{self, TruthArguments};
 use super::score::ScoringArguments;
 use super::signals;
 use crate::atomic;
-use crate::data::{FrameSource, keypoints_csv};
+use crate::data::{FrameSource, Reading, keypoints_csv};
 use crate::device::DeviceKind;
 #[cfg(not(feature = "gpu"))]
 use crate::device::built_without_gpu;
@@ -140,6 +140,7 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     arguments.scoring.score(
         &truth,
         &extracted.track,
+        &Reading::of_extraction(),
         source.reading.image_size.or(extracted.image_size),
     )
 }

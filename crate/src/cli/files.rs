@@ -12,10 +12,10 @@ use super::hints::hint;
 use crate::checkpoint::{Checkpoint, Format};
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice, NpyArray, Parsed,
-    Recording, Space, TableOptions, ZIP_MAGIC, ground_truth_of_arrays, keypoints_of_arrays,
-    parse_ground_truth, parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
-    read_hdf5_ground_truth, read_hdf5_keypoints,
+    AxisOrder, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice, NpyArray,
+    Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC, ground_truth_of_arrays,
+    keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
+    parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
 };
 use crate::error::{Error, ErrorKind, Result, without_controls};
 use crate::memory;
@@ -45,17 +45,29 @@ pub(super) struct TruthArguments {
     /// Only these objects of the ground truth, in this order (e.g. cube,target,eef); default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     objects: Vec<String>,
-    /// Unit of the ground truth's positions: ndc (-1 to +1 across the image) or px; default: px for
-    /// DeepLabCut and COCO, otherwise ndc
+    /// Unit of the ground truth's positions: ndc (-1 to +1 across the image), px or fraction (0 to 1
+    /// across the image); default: px for DeepLabCut and COCO, otherwise ndc
     #[arg(long, value_name = "SPACE")]
     space: Option<Space>,
     /// Number of the first frame in the ground truth; default: 0
     #[arg(long, value_name = "N")]
     index_base: Option<u64>,
+    /// Axes of the ground truth that run the other way: x, y (where y points up), xy or none
+    #[arg(long, value_name = "AXES")]
+    flip: Option<Flip>,
+    /// Take positions of exactly (0, 0) in the ground truth for missing
+    #[arg(long)]
+    zero_is_missing: bool,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
     #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::values::parse_size)]
     pub image_size: Option<[u32; 2]>,
+}
+
+/// A ground truth, and what its numbers were taken for where it came from a file of its own.
+pub(super) struct Truth {
+    pub points: GroundTruth,
+    pub reading: Option<Reading>,
 }
 
 impl TruthArguments {
@@ -66,13 +78,13 @@ impl TruthArguments {
         truth: Option<&Path>,
         path: &Path,
         frames: &dyn FrameSource,
-    ) -> Result<Option<GroundTruth>> {
+    ) -> Result<Option<Truth>> {
         let beside = path.join("ground_truth.csv");
         let found = match (truth, frames.truth()) {
             (Some(truth), _) => self.read_beside(truth, frames)?,
             (None, Some(own)) => {
                 tell(path, frames.notices());
-                self.select(own.clone())?
+                self.select(own.clone(), None)?
             }
             (None, None) if beside.is_file() => self.read_beside(&beside, frames)?,
             (None, None) => return Ok(None),
@@ -87,7 +99,7 @@ impl TruthArguments {
         path: &Path,
         frames: &dyn FrameSource,
         purpose: &str,
-    ) -> Result<GroundTruth> {
+    ) -> Result<Truth> {
         self.find(truth, path, frames)?.ok_or_else(|| {
             Error::new(
                 ErrorKind::Io,
@@ -101,7 +113,7 @@ impl TruthArguments {
     }
 
     /// Reads a table whose positions belong to `frames`.
-    fn read_beside(&self, path: &Path, frames: &dyn FrameSource) -> Result<GroundTruth> {
+    fn read_beside(&self, path: &Path, frames: &dyn FrameSource) -> Result<Truth> {
         self.read_sized(path, || {
             // Frames that cannot be read are told when it is their turn.
             let frame = frames.read(0).ok()?;
@@ -110,15 +122,11 @@ impl TruthArguments {
     }
 
     /// Reads a table, or the points of a recording.
-    pub fn read(&self, path: &Path) -> Result<GroundTruth> {
+    pub fn read(&self, path: &Path) -> Result<Truth> {
         self.read_sized(path, || None)
     }
 
-    fn read_sized(
-        &self,
-        path: &Path,
-        size: impl FnOnce() -> Option<[u32; 2]>,
-    ) -> Result<GroundTruth> {
+    fn read_sized(&self, path: &Path, size: impl FnOnce() -> Option<[u32; 2]>) -> Result<Truth> {
         let options = TableOptions {
             image_size: self.image_size.or_else(size),
             ..self.options()
@@ -133,7 +141,8 @@ impl TruthArguments {
                 .map_err(|e| e.at(path.display()))?,
             Kind::Other => parse_ground_truth(&read(path)?, &name, &options)?,
         };
-        self.select(told(table, path))
+        tell(path, &table.notices);
+        self.select(table.content, Some(table.reading))
     }
 
     fn options(&self) -> TableOptions {
@@ -141,15 +150,19 @@ impl TruthArguments {
             space: self.space,
             axes: self.axis_order,
             index_base: self.index_base,
+            first_keypoint: None,
             image_size: self.image_size,
+            flip: self.flip,
+            zero_is_missing: self.zero_is_missing.then_some(true),
         }
     }
 
-    fn select(&self, truth: GroundTruth) -> Result<GroundTruth> {
-        match self.objects[..] {
-            [] => Ok(truth),
-            _ => truth.select(&self.objects),
-        }
+    fn select(&self, points: GroundTruth, reading: Option<Reading>) -> Result<Truth> {
+        let points = match self.objects[..] {
+            [] => points,
+            _ => points.select(&self.objects)?,
+        };
+        Ok(Truth { points, reading })
     }
 
     /// Opens a folder of images or a recording; says what is left out.
@@ -440,11 +453,28 @@ fn alone(bytes: Vec<u8>) -> NpyArray {
 }
 
 /// What keypoints are read with in place of the ground truth's options.
+#[derive(Debug, Args)]
 pub(super) struct KeypointsReading {
-    pub space: Option<Space>,
-    /// The ground truth's, if not given.
-    pub axes: Option<AxisOrder>,
-    pub index_base: Option<u64>,
+    /// Unit of the keypoints: ndc, px or fraction; default: px for DeepLabCut and COCO, otherwise ndc
+    #[arg(long = "keypoints-space", value_name = "SPACE")]
+    keypoints_space: Option<Space>,
+    /// Number of the first frame, and in a table with one row a point of the first keypoint;
+    /// default: 0
+    #[arg(long = "keypoints-index-base", value_name = "N")]
+    keypoints_index_base: Option<u64>,
+    /// Number of the first keypoint in a table with one row a point; default: that of the first
+    /// frame
+    #[arg(long, value_name = "N")]
+    first_keypoint: Option<u64>,
+    /// Order of coordinates of the keypoints: xy or yx; default: --axis-order
+    #[arg(long = "keypoints-axis-order", value_name = "ORDER")]
+    keypoints_axis_order: Option<AxisOrder>,
+    /// Axes of the keypoints that run the other way: x, y (where y points up), xy or none
+    #[arg(long = "keypoints-flip", value_name = "AXES")]
+    keypoints_flip: Option<Flip>,
+    /// Take keypoints at exactly (0, 0) for missing
+    #[arg(long = "keypoints-zero-is-missing")]
+    keypoints_zero_is_missing: bool,
 }
 
 /// Reads keypoints: a table, or the points of an NPZ file.
@@ -452,13 +482,16 @@ pub(super) fn read_keypoints(
     path: &Path,
     arguments: &TruthArguments,
     reading: &KeypointsReading,
-) -> Result<KeypointTrack> {
+) -> Result<Parsed<KeypointTrack>> {
     let (bytes, name) = (read(path)?, path.to_string_lossy());
     let options = TableOptions {
-        space: reading.space,
-        index_base: reading.index_base,
-        axes: reading.axes.or(arguments.axis_order),
+        space: reading.keypoints_space,
+        index_base: reading.keypoints_index_base,
+        first_keypoint: reading.first_keypoint,
+        axes: reading.keypoints_axis_order.or(arguments.axis_order),
         image_size: arguments.image_size,
+        flip: reading.keypoints_flip,
+        zero_is_missing: reading.keypoints_zero_is_missing.then_some(true),
     };
     let table = match &bytes {
         _ if bytes.starts_with(HDF5_MAGIC) => {
@@ -470,7 +503,8 @@ pub(super) fn read_keypoints(
         }
         _ => parse_keypoints(&bytes, &name, &options)?,
     };
-    Ok(told(table, path))
+    tell(path, &table.notices);
+    Ok(table)
 }
 
 /// Reads a checkpoint; `key` says which weights, where there are several sets.
@@ -532,11 +566,6 @@ pub(super) fn read_weights(path: &Path, key: Option<&str>) -> Result<Weights> {
         format: Format::Safetensors,
         bytes: shards.iter().map(Vec::len).sum(),
     })
-}
-
-fn told<T>(table: Parsed<T>, path: &Path) -> T {
-    tell(path, &table.notices);
-    table.content
 }
 
 fn tell(path: &Path, notices: &[Notice]) {

@@ -1,5 +1,6 @@
 //! An evaluation on the terminal.
 
+use super::hints::finding_line;
 use super::terminal::drawn;
 use crate::error::Result;
 use crate::evaluation::{
@@ -46,6 +47,9 @@ pub(super) fn print(report: &EvaluationReport) -> Result<()> {
     );
     for warning in &report.warnings {
         say!("warning: {warning}");
+    }
+    for finding in &report.findings {
+        say!("{}", finding_line(finding));
     }
     Ok(())
 }

@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
         figures.extend(trajectories::figures(
             &runs,
             &*frames,
-            &truth,
+            &truth.points,
             &arguments.sequences,
         )?);
     }

@@ -5,21 +5,23 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::files::{self, KeypointsReading, TruthArguments};
+use super::files::{self, KeypointsReading, Truth, TruthArguments};
+use super::hints::finding_line;
 use super::outcome;
 use super::painter::Painter;
 use super::terminal::own_command;
 use super::values::{parse_finite, parse_html_path};
 use crate::atomic;
 use crate::command_line;
-use crate::data::{AxisOrder, Space};
+use crate::data::{Alignment, Reading};
 use crate::error::{Error, Result};
+use crate::evaluation::doctor::{Subject, examine};
 use crate::evaluation::{
-    EvaluationReport, JoinReport, MinConfidence, Request, Scoring, Threshold, Thresholds,
+    EvaluationReport, JoinReport, Matching, MinConfidence, Request, Scoring, Threshold, Thresholds,
 };
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
-use crate::track::{GroundTruth, KeypointTrack};
+use crate::track::KeypointTrack;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArguments {
@@ -32,16 +34,8 @@ pub(super) struct ScoreArguments {
     /// another of these tables, or an NPZ file
     #[arg(long = command_line::KEYPOINTS, value_name = "KP.csv")]
     keypoints: PathBuf,
-    /// Unit of the keypoints: ndc or px; default: px for DeepLabCut and COCO, otherwise ndc
-    #[arg(long, value_name = "SPACE")]
-    keypoints_space: Option<Space>,
-    /// Number of the first frame, and in a table with one row a point of the first keypoint;
-    /// default: 0
-    #[arg(long, value_name = "N")]
-    keypoints_index_base: Option<u64>,
-    /// Order of coordinates of the keypoints: xy or yx; default: --axis-order
-    #[arg(long, value_name = "ORDER")]
-    keypoints_axis_order: Option<AxisOrder>,
+    #[command(flatten)]
+    keypoints_reading: KeypointsReading,
     #[command(flatten)]
     reading: TruthArguments,
     #[command(flatten)]
@@ -84,6 +78,22 @@ pub(super) struct ScoringArguments {
         allow_negative_numbers = true
     )]
     confidence_levels: Vec<f64>,
+    /// Add this to the frame numbers of the ground truth before they are matched
+    #[arg(
+        long = command_line::SHIFT_FRAMES,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
+    shift_frames: i64,
+    /// Add this to the sequence numbers of the ground truth before they are matched
+    #[arg(
+        long = command_line::SHIFT_SEQUENCES,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
+    shift_sequences: i64,
     /// Let a keypoint that is missing in more than half of an object's frames be its best one
     #[arg(long)]
     rare_keypoints: bool,
@@ -142,15 +152,14 @@ pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
     let keypoints = files::read_keypoints(
         &arguments.keypoints,
         &arguments.reading,
-        &KeypointsReading {
-            space: arguments.keypoints_space,
-            axes: arguments.keypoints_axis_order,
-            index_base: arguments.keypoints_index_base,
-        },
+        &arguments.keypoints_reading,
     )?;
-    arguments
-        .scoring
-        .score(&truth, &keypoints, arguments.reading.image_size)
+    arguments.scoring.score(
+        &truth,
+        &keypoints.content,
+        &keypoints.reading,
+        arguments.reading.image_size,
+    )
 }
 
 impl ScoringArguments {
@@ -184,14 +193,32 @@ impl ScoringArguments {
     /// Scores and prints. `image_size` is the size of the images, where it is known.
     pub fn score(
         &self,
-        truth: &GroundTruth,
+        truth: &Truth,
         keypoints: &KeypointTrack,
+        keypoints_reading: &Reading,
         image_size: Option<[u32; 2]>,
     ) -> Result<()> {
-        let least = MinConfidence::new(self.min_confidence, self.truth_min_confidence)?;
-        let scoring = Scoring::with_confidence(truth, keypoints, self.non_finite, least)?;
-        let join = JoinReport::new(scoring.join(), keypoints.keys(), truth.keys());
+        let alignment = Alignment {
+            frames: self.shift_frames,
+            sequences: self.shift_sequences,
+        };
+        let matching = Matching {
+            least: MinConfidence::new(self.min_confidence, self.truth_min_confidence)?,
+            alignment,
+        };
+        let points = &truth.points;
+        let scoring = Scoring::matched(points, keypoints, self.non_finite, matching)?;
+        let join = JoinReport::new(scoring.join(), keypoints.keys(), points.keys());
         let mut report = self.request(image_size)?.evaluate(&scoring, &join)?;
+        report.findings = examine(&Subject {
+            truth: points,
+            truth_reading: truth.reading.as_ref(),
+            keypoints,
+            keypoints_reading: Some(keypoints_reading),
+            join: scoring.join(),
+            alignment,
+            image_size,
+        });
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {
             atomic::write(path, evaluation_page(&report)?.as_bytes())?;
@@ -207,6 +234,9 @@ impl ScoringArguments {
             say!("{}", evaluation_csv(&report).trim_end());
             for warning in &report.warnings {
                 eprintln!("warning: {warning}");
+            }
+            for finding in &report.findings {
+                eprintln!("{}", finding_line(finding));
             }
         } else if self.json || !std::io::stdout().is_terminal() {
             let json = serde_json::to_string_pretty(&report).map_err(|e| {

@@ -299,7 +299,7 @@ pub(super) fn run_in(lock: &RunLock, arguments: &TrainArguments) -> Result<()> {
     )?;
     let cancel = cancel_on_interrupt()?;
     eprintln!("reading {} frames", frames.index().keys().len());
-    let mut dataset = Dataset::load(frames, &truth, &config, arguments.cache, &cancel)?;
+    let mut dataset = Dataset::load(frames, &truth.points, &config, arguments.cache, &cancel)?;
     if config.split_by == SplitBy::Episode {
         dataset = dataset.with_episodes(&episodes(&arguments.data)?)?;
     }

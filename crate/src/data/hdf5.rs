@@ -70,7 +70,7 @@ pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Pars
 ///
 /// # Errors
 /// As [`read_hdf5_ground_truth`].
-pub fn read_hdf5_keypoints(file: File, options: &TableOptions) -> Result<Table<KeypointTrack>> {
+pub fn read_hdf5_keypoints(file: File, options: &TableOptions) -> Result<Parsed<KeypointTrack>> {
     let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
     points::keypoints(&Hdf5::open(Arc::new(storage))?, options)
 }

@@ -19,6 +19,28 @@ pub struct Join {
     pub rules: Vec<String>,
 }
 
+/// What is added to the numbers of the rows before they are matched to frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Alignment {
+    /// To the numbers of the frames.
+    pub frames: i64,
+    /// To the numbers in the names of the sequences, which then match by number only.
+    pub sequences: i64,
+}
+
+impl Alignment {
+    /// What this alignment does, in words; empty where it does nothing.
+    fn rules(self) -> Vec<String> {
+        let shifted = [("frame", self.frames), ("sequence", self.sequences)];
+        let shifted = shifted.into_iter().filter(|(_, by)| *by != 0);
+        shifted
+            .map(|(what, by)| {
+                format!("{by} was added to the {what} numbers of the ground truth, as asked for")
+            })
+            .collect()
+    }
+}
+
 /// Joins by (sequence, frame number).
 ///
 /// Sequences match by name, the others by the last number in the name (`seq_0012` = `12`) where no
@@ -28,9 +50,25 @@ pub struct Join {
 /// # Errors
 /// When no frame matches; the message shows names of both sides.
 pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
+    join_aligned(left, right, Alignment::default())
+}
+
+/// As [`join`], with rows whose numbers are changed.
+///
+/// # Errors
+/// As [`join`].
+pub fn join_aligned(left: &[FrameKey], right: &[FrameKey], alignment: Alignment) -> Result<Join> {
     let (names_left, names_right) = (sequences(left), sequences(right));
-    let mut out = Join::default();
-    let partner = match_sequences(&names_left, &names_right, &mut out.rules);
+    let mut out = Join {
+        rules: alignment.rules(),
+        ..Join::default()
+    };
+    let partner = match_sequences(
+        &names_left,
+        &names_right,
+        alignment.sequences,
+        &mut out.rules,
+    );
     let mut rows: HashMap<(&str, u64), usize> = HashMap::with_capacity(right.len());
     for (i, key) in right.iter().enumerate() {
         rows.insert((key.sequence.as_str(), key.frame), i);
@@ -39,7 +77,8 @@ pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
     for (i, key) in left.iter().enumerate() {
         let row = partner
             .get(key.sequence.as_str())
-            .and_then(|sequence| rows.get(&(*sequence, key.frame)))
+            .zip(before(key.frame, alignment.frames))
+            .and_then(|(sequence, frame)| rows.get(&(*sequence, frame)))
             .filter(|row| !taken[**row]);
         match row {
             Some(&row) => {
@@ -73,7 +112,8 @@ pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
         )));
     }
     let start = |keys: &[FrameKey], side: &[usize]| side.iter().map(|i| keys[*i].frame).min();
-    let shifted = start(left, &out.unmatched_left) > start(right, &out.unmatched_right);
+    let shifted = start(left, &out.unmatched_left) > start(right, &out.unmatched_right)
+        && alignment.frames == 0;
     let first = |keys: &[FrameKey]| keys.iter().map(|k| k.frame).min().unwrap_or_default();
     if shifted && first(left) == first(right) + 1 && !out.unmatched_right.is_empty() {
         out.rules.push(format!(
@@ -84,6 +124,11 @@ pub fn join(left: &[FrameKey], right: &[FrameKey]) -> Result<Join> {
         ));
     }
     Ok(out)
+}
+
+/// The number that becomes `number` when `by` is added to it; None where there is none.
+fn before(number: u64, by: i64) -> Option<u64> {
+    u64::try_from(i128::from(number) - i128::from(by)).ok()
 }
 
 fn sequences(keys: &[FrameKey]) -> Vec<&str> {
@@ -97,9 +142,13 @@ fn sequences(keys: &[FrameKey]) -> Vec<&str> {
 fn match_sequences<'a>(
     left: &[&'a str],
     right: &[&'a str],
+    shift: i64,
     rules: &mut Vec<String>,
 ) -> HashMap<&'a str, &'a str> {
-    let by_name: HashSet<&str> = right.iter().copied().collect();
+    let by_name: HashSet<&str> = match shift {
+        0 => right.iter().copied().collect(),
+        _ => HashSet::new(),
+    };
     let mut pairs: HashMap<&str, &str> = left
         .iter()
         .filter(|s| by_name.contains(*s))
@@ -121,7 +170,7 @@ fn match_sequences<'a>(
     );
     let mut found: Vec<(u64, &str, &str)> = a
         .iter()
-        .filter_map(|(n, s)| Some((*n, *s, *b.get(n)?)))
+        .filter_map(|(n, s)| Some((*n, *s, *b.get(&before(*n, shift)?)?)))
         .collect();
     found.sort_unstable();
     if let Some((_, a, b)) = found.first() {
@@ -131,6 +180,7 @@ fn match_sequences<'a>(
     }
     pairs.extend(found.iter().map(|(_, a, b)| (*a, *b)));
     if pairs.is_empty()
+        && shift == 0
         && let ([a], [b]) = (left, right)
     {
         rules.push(format!(

@@ -36,14 +36,16 @@ pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth, read_hdf5_keypoints};
 #[cfg(feature = "train")]
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
-pub use join::{Join, join};
-pub(crate) use names::{is_hidden, is_image};
+pub use join::{Alignment, Join, join, join_aligned};
+pub(crate) use names::{is_hidden, is_image, last_number};
 pub use npy::MAGIC as NPY_MAGIC;
 pub use npz::{
     NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
     parse_npz_keypoints,
 };
-pub use reading::{AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions};
+pub use reading::{
+    AxisOrder, Flip, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions,
+};
 pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
 pub use source::{EncodedFrames, FrameSource};

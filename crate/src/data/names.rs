@@ -39,7 +39,7 @@ pub(super) fn numbers(text: &str) -> Vec<u64> {
 }
 
 /// The last run of digits in `text`, if it is a number.
-pub(super) fn last_number(text: &str) -> Option<u64> {
+pub(crate) fn last_number(text: &str) -> Option<u64> {
     numbers(text).last().copied()
 }
 

@@ -6,7 +6,7 @@ use super::arrays::{ArrayFile, CONFIDENCES, POINTS, Values, check_frames, count,
 use super::names::cleaned;
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions,
-    missing_image_size, ndc_from_pixels, point_notices,
+    missing_image_size, point_notices,
 };
 use crate::error::{Error, Reason, Result};
 use crate::memory;
@@ -209,11 +209,11 @@ impl Points {
         let is_share =
             name == "points" && arrangement == Arrangement::Points && options.space.is_none();
         if is_share {
-            values.iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
             notices.push("`points` are read as shares of the image".to_owned().into());
         }
         let (space, by) = match name {
             "tracks" => (Space::Pixels, Ground::File),
+            _ if is_share => (Space::Fraction, Ground::File),
             _ => (Space::Ndc, Ground::Guess),
         };
         let reading = Reading {
@@ -222,11 +222,13 @@ impl Points {
             axes,
             // Frames are the positions in the array.
             index_base: Known::of(None, 0, Ground::File),
+            ..Reading::new(Layout::Arrays, options)
         };
-        let in_pixels = reading.space.value == Space::Pixels;
-        if let Some(size) = options.image_size.filter(|_| in_pixels) {
-            for point in values.chunks_exact_mut(2) {
-                point.copy_from_slice(&ndc_from_pixels([point[0], point[1]], size));
+        let lacks_size = reading.space.value == Space::Pixels && options.image_size.is_none();
+        for point in values.chunks_exact_mut(2) {
+            let at = [point[0], point[1]];
+            if let Some(placed) = options.place(at, reading.space.value, options.image_size) {
+                point.copy_from_slice(&placed);
             }
         }
         let mut no_names = |problem: &Error| {
@@ -260,7 +262,7 @@ impl Points {
             ))
         })?;
         let confidence = confidence(file, arrangement, &mut values, individuals, &mut notices)?;
-        if in_pixels && options.image_size.is_none() {
+        if lacks_size {
             return Err(missing_image_size(
                 &format!("the positions of `{name}`"),
                 reading.space.by,

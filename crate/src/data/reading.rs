@@ -5,6 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use ndarray::Array3;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Reason, Result, without_controls};
 
@@ -63,6 +64,12 @@ pub struct Reading {
     pub axes: Known<AxisOrder>,
     /// The number of the first frame.
     pub index_base: Known<u64>,
+    /// The number of the first keypoint in a tidy table.
+    pub first_keypoint: u64,
+    /// The axes that run the other way.
+    pub flip: Known<Flip>,
+    /// Whether positions of exactly (0, 0) mean that the point was not found.
+    pub zero_is_missing: Known<bool>,
 }
 
 impl Reading {
@@ -81,6 +88,9 @@ impl Reading {
             // All of these name their columns or say which number is which.
             axes: Known::of(options.axes, AxisOrder::Xy, Ground::File),
             index_base: Known::of(options.index_base, 0, Ground::Guess),
+            first_keypoint: options.first_keypoint(),
+            flip: Known::of(options.flip, Flip::None, Ground::Guess),
+            zero_is_missing: Known::of(options.zero_is_missing, false, Ground::Guess),
         }
     }
 
@@ -140,20 +150,34 @@ impl Ground {
 }
 
 /// The unit of a table's positions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Space {
     /// -1 and +1 at the outer edges of the image.
     Ndc,
     /// Pixels, with the centre of the first one at (0, 0).
+    #[serde(rename = "px")]
     Pixels,
+    /// Shares of the width and the height: 0 and 1 at the outer edges of the image.
+    Fraction,
 }
 
 impl Space {
-    /// `ndc` or `px`.
+    /// `ndc`, `px` or `fraction`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ndc => "ndc",
             Self::Pixels => "px",
+            Self::Fraction => "fraction",
+        }
+    }
+
+    /// A position in this unit in ndc; None where it takes the size of the image and there is none.
+    pub(super) fn to_ndc(self, at: [f64; 2], image_size: Option<[u32; 2]>) -> Option<[f64; 2]> {
+        match self {
+            Self::Ndc => Some(at),
+            Self::Pixels => image_size.map(|size| ndc_from_pixels(at, size)),
+            Self::Fraction => Some(at.map(|v| 2.0 * v - 1.0)),
         }
     }
 }
@@ -165,15 +189,17 @@ impl FromStr for Space {
         match text {
             "ndc" => Ok(Self::Ndc),
             "px" => Ok(Self::Pixels),
+            "fraction" => Ok(Self::Fraction),
             _ => Err(Error::input(format!(
-                "`{text}` is no space; expected ndc or px"
+                "`{text}` is no space; expected ndc, px or fraction"
             ))),
         }
     }
 }
 
 /// What the last axis of an array of points holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum AxisOrder {
     /// (x, y)
     Xy,
@@ -258,10 +284,103 @@ pub struct TableOptions {
     pub space: Option<Space>,
     /// The order of the two coordinates under the names x and y; default: (x, y).
     pub axes: Option<AxisOrder>,
-    /// The number of the first frame, and in a tidy table of the first keypoint; default: 0.
+    /// The number of the first frame; default: 0.
     pub index_base: Option<u64>,
+    /// The number of the first keypoint in a tidy table; default: that of the first frame.
+    pub first_keypoint: Option<u64>,
     /// `[width, height]` of the images; needed for positions in pixels, but for COCO.
     pub image_size: Option<[u32; 2]>,
+    /// Which axes run the other way, as where y points up; default: none.
+    pub flip: Option<Flip>,
+    /// Whether a position of exactly (0, 0), as the file has it, means that the point was not
+    /// found; default: no.
+    pub zero_is_missing: Option<bool>,
+}
+
+impl TableOptions {
+    /// The number of the first keypoint in a tidy table.
+    pub(super) fn first_keypoint(&self) -> u64 {
+        self.first_keypoint.or(self.index_base).unwrap_or_default()
+    }
+
+    /// A position of a file, whose coordinates are in the order (x, y), in ndc; not finite where
+    /// it means that the point is missing, and None where it takes the size of the image and there
+    /// is none.
+    pub(super) fn place(
+        &self,
+        at: [f64; 2],
+        space: Space,
+        image_size: Option<[u32; 2]>,
+    ) -> Option<[f64; 2]> {
+        if self.zero_is_missing == Some(true) && at == [0.0, 0.0] {
+            return Some([f64::NAN; 2]);
+        }
+        let mut placed = space.to_ndc(at, image_size)?;
+        for (value, is_flipped) in placed.iter_mut().zip(self.flip.unwrap_or_default().axes()) {
+            if is_flipped {
+                *value = -*value;
+            }
+        }
+        Some(placed)
+    }
+}
+
+/// The axes of positions that run the other way than here, where x points right and y down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Flip {
+    /// None.
+    #[default]
+    None,
+    /// x points left.
+    X,
+    /// y points up.
+    Y,
+    /// Both.
+    Xy,
+}
+
+impl Flip {
+    /// Of the axes that are to be flipped.
+    pub fn of([x, y]: [bool; 2]) -> Self {
+        match (x, y) {
+            (false, false) => Self::None,
+            (true, false) => Self::X,
+            (false, true) => Self::Y,
+            (true, true) => Self::Xy,
+        }
+    }
+
+    /// Whether x and y are flipped.
+    pub fn axes(self) -> [bool; 2] {
+        [
+            matches!(self, Self::X | Self::Xy),
+            matches!(self, Self::Y | Self::Xy),
+        ]
+    }
+
+    /// `none`, `x`, `y` or `xy`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Xy => "xy",
+        }
+    }
+}
+
+impl FromStr for Flip {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let all = [Self::None, Self::X, Self::Y, Self::Xy];
+        all.into_iter()
+            .find(|flip| flip.name() == text)
+            .ok_or_else(|| {
+                Error::input(format!("`{text}` names no axes; expected x, y, xy or none"))
+            })
+    }
 }
 
 /// A position in pixels, the centre of the first one at (0, 0), in ndc.

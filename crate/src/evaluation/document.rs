@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::doctor::Finding;
 use super::scoring::{Context, SequenceError};
 use crate::data::Join;
 use crate::error::{Error, Result};
@@ -54,6 +55,9 @@ pub struct EvaluationReport {
     pub errors: Vec<Vec<Option<f64>>>,
     /// Warnings for the reader.
     pub warnings: Vec<String>,
+    /// What looked wrong with the data.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub findings: Vec<Finding>,
     /// Width and height of the images in pixels, where they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<[u32; 2]>,
@@ -381,6 +385,7 @@ impl EvaluationReport {
                 .flat_map(JoinReport::warnings)
                 .chain(warnings(evaluation))
                 .collect(),
+            findings: Vec::new(),
             objects,
             image_size,
             join: join.cloned(),

@@ -28,6 +28,7 @@
 //! ```
 
 mod confidence;
+pub mod doctor;
 mod document;
 mod request;
 mod scoring;
@@ -41,6 +42,6 @@ pub use document::{
     RegressionReport, SequenceReport, SequencesReport, Unmatched,
 };
 pub use request::Request;
-pub use scoring::{Context, Scoring, SequenceError, Series};
+pub use scoring::{Context, Matching, Scoring, SequenceError, Series};
 pub use thresholds::{Threshold, Thresholds};
 pub use unmatched::{UnmatchedSequence, unmatched_sequences};

@@ -6,7 +6,7 @@ use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
 
 use super::confidence::{MinConfidence, hide, levels};
 use super::thresholds::Thresholds;
-use crate::data::{Join, SequenceRange, join, ranges};
+use crate::data::{Alignment, Join, SequenceRange, join_aligned, ranges};
 use crate::error::{Error, ErrorKind, Result};
 use crate::memory;
 use crate::metric::context::{Assignment, Regression, assignment, regression};
@@ -96,6 +96,15 @@ pub struct SequenceError {
     pub worst_error: f64,
 }
 
+/// Which points are scored with which.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Matching {
+    /// How sure points have to be.
+    pub least: MinConfidence,
+    /// What is added to the numbers of the ground truth before they are matched.
+    pub alignment: Alignment,
+}
+
 /// Other metrics of the same data; see [`context`](crate::metric::context).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Context {
@@ -116,20 +125,21 @@ impl Scoring {
     /// When no frame matches, and when a keypoint is not finite under [`NonFinite::Error`]; the
     /// message names the frame.
     pub fn new(truth: &GroundTruth, keypoints: &KeypointTrack, policy: NonFinite) -> Result<Self> {
-        Self::with_confidence(truth, keypoints, policy, MinConfidence::default())
+        Self::matched(truth, keypoints, policy, Matching::default())
     }
 
-    /// As [`Scoring::new`], of the points that are at least as sure as `least`.
+    /// As [`Scoring::new`]: of the points that are sure enough, with the rows of the ground truth
+    /// whose numbers are changed.
     ///
     /// # Errors
     /// As [`Scoring::new`].
-    pub fn with_confidence(
+    pub fn matched(
         truth: &GroundTruth,
         keypoints: &KeypointTrack,
         policy: NonFinite,
-        least: MinConfidence,
+        Matching { least, alignment }: Matching,
     ) -> Result<Self> {
-        let join = join(keypoints.keys(), truth.keys())?;
+        let join = join_aligned(keypoints.keys(), truth.keys(), alignment)?;
         let (left, right): (Vec<usize>, Vec<usize>) = join.pairs.iter().copied().unzip();
         let keys: Vec<FrameKey> = left.iter().map(|i| keypoints.keys()[*i].clone()).collect();
         let mut points = keypoints.points().select(Axis(0), &left);

@@ -15,7 +15,7 @@ use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
-use crate::evaluation::{self, IntervalsReport, MinConfidence, Request};
+use crate::evaluation::{self, IntervalsReport, Matching, MinConfidence, Request};
 use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
 use crate::track::FrameKey;
 
@@ -158,7 +158,11 @@ impl Scoring {
             .transpose();
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
-        let scoring = evaluation::Scoring::with_confidence(truth, keypoints, policy, least)
+        let matching = Matching {
+            least,
+            ..Matching::default()
+        };
+        let scoring = evaluation::Scoring::matched(truth, keypoints, policy, matching)
             .map_err(|e| js_error(&e))?;
         let join = Joined::new(scoring.join(), keypoints.keys(), truth.keys());
         Ok(Self {

@@ -7,7 +7,7 @@ use wasm_bindgen::prelude::*;
 use super::frames::FrameIndex;
 use super::options::from_js;
 use super::{JsResult, js_error, to_js};
-use crate::data::{self, AxisOrder, Ground, Notice, Parsed, Reading, Space, TableOptions};
+use crate::data::{self, AxisOrder, Flip, Ground, Notice, Parsed, Reading, Space, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -17,11 +17,22 @@ struct JsTableOptions {
     space: Option<String>,
     axis_order: Option<String>,
     index_base: Option<u64>,
+    first_keypoint: Option<u64>,
     image_size: Option<[u32; 2]>,
+    flip: Option<String>,
+    zero_is_missing: Option<bool>,
 }
 
 pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
-    let keys = ["space", "axisOrder", "indexBase", "imageSize"];
+    let keys = [
+        "space",
+        "axisOrder",
+        "indexBase",
+        "firstKeypoint",
+        "imageSize",
+        "flip",
+        "zeroIsMissing",
+    ];
     let options: JsTableOptions = from_js(value, &format!("the options of {call}"), &keys)?;
     let space = options
         .space
@@ -33,11 +44,15 @@ pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions
         .as_deref()
         .map(str::parse::<AxisOrder>)
         .transpose();
+    let flip = options.flip.as_deref().map(str::parse::<Flip>).transpose();
     Ok(TableOptions {
         space: space.map_err(|e| js_error(&e))?,
         axes: axes.map_err(|e| js_error(&e))?,
         index_base: options.index_base,
+        first_keypoint: options.first_keypoint,
         image_size: options.image_size,
+        flip: flip.map_err(|e| js_error(&e))?,
+        zero_is_missing: options.zero_is_missing,
     })
 }
 
@@ -55,6 +70,8 @@ fn reading_to_js(reading: &Reading) -> JsResult<JsValue> {
         space: Known<&'static str>,
         axis_order: Known<&'static str>,
         index_base: Known<u64>,
+        flip: Known<&'static str>,
+        zero_is_missing: Known<bool>,
     }
     fn known<T, U>(of: data::Known<T>, value: impl Fn(T) -> U) -> Known<U> {
         Known {
@@ -67,6 +84,8 @@ fn reading_to_js(reading: &Reading) -> JsResult<JsValue> {
         space: known(reading.space, Space::name),
         axis_order: known(reading.axes, AxisOrder::name),
         index_base: known(reading.index_base, |n| n),
+        flip: known(reading.flip, Flip::name),
+        zero_is_missing: known(reading.zero_is_missing, |is| is),
     })
 }
 
@@ -83,6 +102,8 @@ fn reasons_to_js(notices: &[Notice]) -> JsResult<JsValue> {
 #[wasm_bindgen]
 pub struct GroundTruthTable {
     pub(super) name: String,
+    /// Of the images, where it was said.
+    pub(super) image_size: Option<[u32; 2]>,
     pub(super) table: Parsed<GroundTruth>,
 }
 
@@ -102,7 +123,11 @@ impl GroundTruthTable {
     pub fn parse(bytes: &[u8], name: String, options: JsValue) -> JsResult<GroundTruthTable> {
         let options = table_options(options, "GroundTruthTable.parse")?;
         let table = data::parse_ground_truth(bytes, &name, &options).map_err(|e| js_error(&e))?;
-        Ok(Self { name, table })
+        Ok(Self {
+            name,
+            image_size: options.image_size,
+            table,
+        })
     }
 
     /// The name of the file.

@@ -40,8 +40,7 @@ pub use write::{ground_truth_csv, keypoints_csv};
 
 use super::names::natural;
 use super::reading::{
-    AxisOrder, Layout, Notice, Parsed, Reading, Space, TableOptions, missing_image_size,
-    ndc_from_pixels, point_notices,
+    AxisOrder, Layout, Notice, Parsed, Reading, TableOptions, missing_image_size, point_notices,
 };
 use crate::error::{Error, Reason, Result};
 use crate::memory;
@@ -122,11 +121,21 @@ pub fn parse_keypoints(
             seen[row.point as usize] = true;
         }
         if let Some(missing) = seen.iter().position(|s| !s) {
-            return Err(Error::input(format!(
-                "keypoint {missing} has no row, although keypoint {} has; expected keypoints numbered from {}",
-                count - 1,
-                reading.index_base.value
-            )));
+            let first = reading.first_keypoint;
+            let last = count - 1;
+            let from_one = missing == 0 && first == 0 && last > 0 && seen[1..].iter().all(|s| *s);
+            let range = match from_one {
+                true => format!(": the keypoints run 1 to {last}"),
+                false => String::new(),
+            };
+            let error = Error::input(format!(
+                "keypoint {missing} has no row, although keypoint {last} has{range}; expected keypoints numbered from \
+                 {first}"
+            ));
+            return Err(match from_one {
+                true => error.because(Reason::KeypointsFromOne),
+                false => error,
+            });
         }
         let Arranged {
             keys,
@@ -214,13 +223,11 @@ fn read(
     for row in &mut raw.rows {
         row.frame -= base;
     }
-    if reading.space.value == Space::Pixels {
-        for row in &mut raw.rows {
-            let own = row.size.map(|size| raw.sizes[size.get()]);
-            match own.or(options.image_size) {
-                Some(size) => row.xy = ndc_from_pixels(row.xy, size),
-                None => raw.lacks_size = true,
-            }
+    for row in &mut raw.rows {
+        let own = row.size.map(|size| raw.sizes[size.get()]);
+        match options.place(row.xy, reading.space.value, own.or(options.image_size)) {
+            Some(placed) => row.xy = placed,
+            None => raw.lacks_size = true,
         }
     }
     Ok((raw, reading))

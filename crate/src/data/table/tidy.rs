@@ -95,7 +95,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         )));
     }
 
-    let base = options.index_base.unwrap_or_default();
+    let base = options.first_keypoint();
     let mut points = Points::default();
     let mut sequences = Sequences::default();
     let mut rows = Vec::new();
