@@ -7,7 +7,6 @@
 import { latentToImage } from "./pkg/index.js";
 
 /**
- * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./files/sources.js").Source} Source
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").Scoring} Scoring
@@ -20,7 +19,7 @@ import { latentToImage } from "./pkg/index.js";
  * @property {Float64Array} frameNumbers for each frame its number in its sequence
  * @property {(Source | null)[]} pictures for each frame its image; empty: there are none
  * @property {[number, number][]} sizes width and height by frame, or one for all; empty: not known
- * @property {OpenEncoder | null} encoder whose latent space the keypoints are in
+ * @property {string | null} config of the encoder whose latent space the keypoints are in
  */
 
 /** Series of this many pairs of object and keypoint are kept: those of all objects on display. */
@@ -35,19 +34,19 @@ export class Points {
 
   #pictures;
   #sizes;
-  #encoder;
+  #config;
   /** The last ones asked for. @type {Map<string, Series>} */
   #series = new Map();
 
   /** @param {Parts} parts */
-  constructor({ scoring, sequences, frameNumbers, pictures, sizes, encoder }) {
+  constructor({ scoring, sequences, frameNumbers, pictures, sizes, config }) {
     this.scoring = scoring;
     this.objects = scoring?.objects ?? [];
     this.sequences = sequences;
     this.frameNumbers = frameNumbers;
     this.#pictures = pictures;
     this.#sizes = sizes;
-    this.#encoder = encoder;
+    this.#config = config;
   }
 
   /** Forgets what belongs to other options. */
@@ -65,7 +64,7 @@ export class Points {
    * as ndc.
    */
   get placesKeypoints() {
-    return this.#encoder !== null && this.#sizes.length > 0;
+    return this.#config !== null && this.#sizes.length > 0;
   }
 
   /**
@@ -144,9 +143,7 @@ export class Points {
    */
   placed(points, frame) {
     const size = this.imageSize ?? this.#sizes[frame];
-    return this.#encoder && size
-      ? latentToImage(this.#encoder.info.config, points, ...size)
-      : points;
+    return this.#config !== null && size ? latentToImage(this.#config, points, ...size) : points;
   }
 
   /**
@@ -154,9 +151,8 @@ export class Points {
    * @param {Float64Array} points
    */
   #place(points) {
-    if (!this.#encoder || this.#sizes.length === 0) return points;
-    const { config } = this.#encoder.info;
-    if (this.imageSize) return latentToImage(config, points, ...this.imageSize);
+    if (this.#config === null || this.#sizes.length === 0) return points;
+    if (this.imageSize) return latentToImage(this.#config, points, ...this.imageSize);
     const placed = new Float64Array(points.length);
     for (let t = 0; t < this.#sizes.length; t++)
       placed.set(this.placed(points.slice(2 * t, 2 * t + 2), t), 2 * t);

@@ -27,12 +27,12 @@ export function previewOf(session, made) {
     const frameNumbers = Float64Array.from(frameSources, ({ path }) => numberIn(path));
     const { sequences } = frames;
     const parts = { scoring, sequences, frameNumbers, pictures: frameSources, sizes };
-    return new Points({ ...parts, encoder: null });
+    return new Points({ ...parts, config: null });
   }
   const { sequences, frameNumbers } = scoring;
   const pictures = Array.from(scoring.imagesFrom(frames), (at) => frameSources[at] ?? null);
-  const placing = extraction?.extracted.size ? encoder : null;
-  return new Points({ scoring, sequences, frameNumbers, pictures, sizes, encoder: placing });
+  const config = extraction?.extracted.size ? (encoder?.info.config ?? null) : null;
+  return new Points({ scoring, sequences, frameNumbers, pictures, sizes, config });
 }
 
 /**

@@ -88,7 +88,7 @@ export class Score extends EventTarget {
   /**
    * Scores other points.
    * @param {Points} points
-   * @param {CommandInputs} inputs the files, as a command names them
+   * @param {CommandInputs | null} inputs the files, as a command names them
    */
   show(points, inputs) {
     this.preview = null;
@@ -190,6 +190,14 @@ export class Score extends EventTarget {
 
   // How
 
+  /**
+   * Takes options from a file, as far as they are understood; they are scored with the next points.
+   * @param {{ transform: string, rank: string, thresholds: Record<string, number> }} given
+   */
+  takeOptions(given) {
+    this.options = optionsFrom(given);
+  }
+
   /** @param {Partial<Pick<Options, "transform" | "rank">>} options */
   setOptions(options) {
     Object.assign(this.options, options);
@@ -237,7 +245,8 @@ export class Score extends EventTarget {
     const options = { ...this.#scoreOptions(), sequences: true, context: true };
     const evaluation = this.scoring.evaluate(options);
     if (this.intervals) evaluation.intervals = this.intervals;
-    return { ...evaluation, command: this.command() };
+    const command = this.#commandWith({ sequences: true, context: true });
+    return { ...evaluation, ...(command ? { command } : {}) };
   }
 
   /** Other metrics of the same frames; takes a while. */
@@ -248,10 +257,15 @@ export class Score extends EventTarget {
 
   /** The command of the terminal that repeats the evaluation. */
   command() {
+    return this.#commandWith({});
+  }
+
+  /** @param {ScoreOptions} more what else is asked for */
+  #commandWith(more) {
     if (!this.scoring || !this.#inputs) return this.evaluation?.command ?? "";
     const bootstrap =
       this.resampling.intervals && this.sequences.length > 1 ? { bootstrap: RESAMPLES } : {};
-    return this.scoring.command(this.#inputs, { ...this.#scoreOptions(), ...bootstrap });
+    return this.scoring.command(this.#inputs, { ...this.#scoreOptions(), ...bootstrap, ...more });
   }
 
   // On display

@@ -12,6 +12,7 @@ import { decodeImage } from "./files/image-cache.js";
 import { identify } from "./files/intake.js";
 import { Library } from "./files/library.js";
 import { Problems, askForReading } from "./files/problems.js";
+import { REPLAY, readReplay } from "./files/replay.js";
 import { repeatedText, replacedText, severalText, uselessText } from "./files/texts.js";
 import { Points } from "./points.js";
 import { judgeOf, previewOf } from "./preview.js";
@@ -86,6 +87,8 @@ export class Session extends EventTarget {
   minConfidence = {};
   /** Which of the points that are scored say how sure they are. */
   confident = { keypoints: false, truth: false };
+  /** What a file of a saved score says of it. @type {import("./files/replay.js").Replay | null} */
+  replay = null;
   /** @type {JoinReport | null} */
   join = null;
   /** The keypoints that are scored. @type {KeypointTable | null} */
@@ -200,6 +203,22 @@ export class Session extends EventTarget {
     return this.#change(async () => {
       entry.options = { ...entry.options, ...options };
       entry.wanted ||= entry.parsed.state === "used";
+      this.library.reopen(entry);
+    });
+  }
+
+  /**
+   * Reads a table whose columns were renamed in a copy of it.
+   * @param {Entry} entry
+   * @param {"ground-truth" | "keypoints"} role
+   * @param {Blob} blob
+   */
+  setColumns(entry, role, blob) {
+    return this.#change(async () => {
+      entry.source = { path: entry.path, blob };
+      entry.isMapped = true;
+      entry.taken = { role, by: "said", reason: "its columns as you said" };
+      entry.wanted = true;
       this.library.reopen(entry);
     });
   }
@@ -427,12 +446,30 @@ export class Session extends EventTarget {
       return;
     }
     this.reading = null;
+    await this.#takeReplay(found);
     const isUseless = isNothing(found);
     if (!isUseless) prepare(found);
     const { repeated, replaced } = this.library.take(found);
     if (repeated.length > 0) problems.report("repeated", "warning", repeatedText(repeated));
     if (replaced.size > 0) this.#offerReplaced([...replaced.values()]);
     if (isUseless) problems.report("nothing", "error", uselessText(sources.length));
+  }
+
+  /**
+   * Takes the settings of a score that was saved with its files.
+   * @param {Found} found
+   */
+  async #takeReplay(found) {
+    const entry = found.entries.find(({ path }) => path.split("/").pop() === REPLAY);
+    const replay = entry ? await readReplay(entry.source) : null;
+    if (!entry || !replay) return;
+    found.entries = found.entries.filter((other) => other !== entry);
+    for (const { taken, options } of found.entries) {
+      if (taken.role === "ground-truth") Object.assign(options, replay.truth);
+      if (taken.role === "keypoints") Object.assign(options, replay.keypoints);
+    }
+    this.replay = replay;
+    this.score.takeOptions(replay);
   }
 
   /** @param {Source[]} images that others replaced */
@@ -486,6 +523,7 @@ export class Session extends EventTarget {
     this.frameSize = undefined;
     this.saidSize = undefined;
     this.minConfidence = {};
+    this.replay = null;
     this.frames = null;
     this.frameSources = [];
     this.join = null;
@@ -521,7 +559,10 @@ export class Session extends EventTarget {
     }
     const first = this.frameSources[0];
     this.frameSources = Array.from(this.frames?.order ?? [], (position) => images[position]);
-    if (this.frameSources[0] !== first) this.frameSize = await sizeOf(this.frameSources[0]);
+    if (this.frameSources[0] !== first) {
+      // The images of a saved score are small ones.
+      this.frameSize = this.replay?.imageSize ?? (await sizeOf(this.frameSources[0]));
+    }
   }
 
   /**
@@ -647,7 +688,8 @@ export class Session extends EventTarget {
     const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
     const { sequences, frameNumbers } = scoring;
     const sizes = this.#measure(pictures);
-    const parts = { scoring, sequences, frameNumbers, pictures, sizes, encoder: this.encoder };
+    const config = this.encoder?.info.config ?? this.replay?.config ?? null;
+    const parts = { scoring, sequences, frameNumbers, pictures, sizes, config };
     this.score.show(new Points(parts), commandInputs(this.library, this.frameSources));
   }
 

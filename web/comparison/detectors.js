@@ -61,7 +61,8 @@ export function openDetector(session, entry, made) {
   const scoring = new Scoring(session.truth, table);
   made.push(scoring);
   const content = contentOf(entry);
-  return { scoring, encoder: content?.kind === "checkpoint" ? content.encoder : null };
+  const config = content?.kind === "checkpoint" ? content.encoder.info.config : null;
+  return { scoring, config: config ?? session.replay?.config ?? null };
 }
 
 /**

@@ -96,10 +96,10 @@ export function inStepView(session, comparison) {
 function laneOf(session, detector, made) {
   const opened = detector.entry && openDetector(session, detector.entry, made);
   if (!opened) return [];
-  const { scoring, encoder } = opened;
+  const { scoring, config } = opened;
   const { sequences, frameNumbers } = scoring;
   const sizes = session.frameSize ? [session.frameSize] : [];
-  const points = new Points({ scoring, sequences, frameNumbers, pictures: [], sizes, encoder });
+  const points = new Points({ scoring, sequences, frameNumbers, pictures: [], sizes, config });
   const frames = new Map(
     sequences.flatMap(({ name, start, length }) =>
       Array.from({ length }, (_, i) => [`${name} ${frameNumbers[start + i]}`, start + i]),

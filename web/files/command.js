@@ -12,11 +12,13 @@ import { tableOf } from "./entry.js";
 /**
  * @param {Library} library
  * @param {Source[]} frames
- * @returns {import("../pkg/index.js").CommandInputs}
+ * @returns {import("../pkg/index.js").CommandInputs | null} `null` where no command can say how they
+ * are read
  */
 export function commandInputs(library, frames) {
   const truth = library.used("ground-truth");
   const table = library.used("keypoints");
+  if (truth?.isMapped || table?.isMapped) return null;
   return {
     truth: truth?.path ?? "ground_truth.csv",
     options: [

@@ -38,6 +38,7 @@
  * @property {Arrays | null} arrays of a recording, whose points the entry stands for
  * @property {Taken} taken
  * @property {TableOptions} options how the user wants a table to be read
+ * @property {boolean} isMapped whether its columns were renamed, which no command repeats
  * @property {boolean} wanted whether it is to be used once it is parsed
  * @property {Parsed} parsed
  */
@@ -51,7 +52,8 @@
  */
 export function entryOf(source, taken, arrays = null) {
   const { path } = source;
-  return { path, source, arrays, taken, options: {}, wanted: false, parsed: { state: "new" } };
+  const parsed = /** @type {const} */ ({ state: "new" });
+  return { path, source, arrays, taken, options: {}, isMapped: false, wanted: false, parsed };
 }
 
 /**

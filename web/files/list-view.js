@@ -5,6 +5,7 @@ import { disclosure } from "../ui/disclosure.js";
 import { announce, byId, fill, h, icon, notice, prose } from "../ui/dom.js";
 import { baseName, count, fixed, integer, names } from "../ui/format.js";
 import { virtualList } from "../ui/virtual-list.js";
+import { columnMapper, hasOtherColumns } from "./column-mapper.js";
 import { ROLES, corrections, guessMark, sizeField, takesSize } from "./corrections.js";
 import { contentOf, tableOf } from "./entry.js";
 
@@ -194,6 +195,10 @@ function entryItem(session, entry) {
     takesSize(session, entry) && sizeField(session, entry),
     parsed.state !== "new" && !isResult && corrections(session, entry),
     ...useOf(session, entry),
+    hasOtherColumns(entry) &&
+      disclosure(`columns ${path}`, ["Its columns have other names"], () =>
+        columnMapper(session, entry),
+      ),
     error !== "" &&
       notice("error", error, { isQuiet: true, dismiss: () => session.dismissError(path) }),
   ]);

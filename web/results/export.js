@@ -10,6 +10,7 @@ import init, {
 import { copyButton } from "../ui/copy.js";
 import { h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
+import { integer } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -59,7 +60,7 @@ export function exportView(session) {
     h("div", { class: "downloads" }, ...downloads),
     h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
     paperView(session),
-    linkView(),
+    shareView(session),
     repeat.element,
   );
   return { element, update: repeat.update };
@@ -96,8 +97,11 @@ function paperView(session) {
   );
 }
 
-/** A link with the settings; what was dropped is not in it. */
-function linkView() {
+/**
+ * A link with the settings, and everything as one file.
+ * @param {Session} session
+ */
+function shareView(session) {
   const link = h("pre", { id: "link", tabIndex: 0, hidden: true, "aria-label": "Link" });
   const copy = copyButton("copy-link", "Link with these settings", link, async () => {
     link.textContent = location.href;
@@ -107,9 +111,41 @@ function linkView() {
     "div",
     { class: "repeat" },
     h("h4", {}, "Share"),
-    h("div", { class: "downloads" }, copy),
+    h("div", { class: "downloads" }, copy, session.table && replayButton(session)),
+    h(
+      "p",
+      { class: "hint-line" },
+      "The file has the settings, the keypoints, the ground truth and small images; dropped on " +
+        "this page, it shows the score as it is here.",
+    ),
     h("div", { class: "command" }, link),
   );
+}
+
+/** @param {Session} session */
+function replayButton(session) {
+  const text = h("span", {}, "Everything in one file");
+  const onclick = async () => {
+    const { replayOf } = await import("../files/replay.js");
+    const label = text.textContent;
+    button.disabled = true;
+    try {
+      const blob = await replayOf(session, (done, total) => {
+        text.textContent = `Image ${integer(done + 1)} of ${integer(total)}`;
+      });
+      save("tracklens.zip", "application/zip", blob);
+    } finally {
+      text.textContent = label;
+      button.disabled = false;
+    }
+  };
+  const button = h(
+    "button",
+    { id: "save-replay", type: "button", class: "button", onclick: () => void onclick() },
+    icon("icon-download"),
+    text,
+  );
+  return button;
 }
 
 /**

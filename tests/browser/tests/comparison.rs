@@ -9,9 +9,15 @@ use std::io::{Cursor, Write};
 
 use runs::{config, sweep, write_run};
 use serde_json::{Value, json};
-use tracklens_page_tests::{Page, example, extract_keypoints, text, tracklens, tracklens_json};
+use tracklens_page_tests::{
+    Browser, Page, example, extract_keypoints, in_every_browser, text, tracklens, tracklens_json,
+};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
+
+in_every_browser! {
+    a_checkpoint_on_the_example_is_compared_with_its_own_one_by_one
+}
 
 /// Keeps what the page saves.
 const KEEP: &str = "
@@ -422,12 +428,11 @@ async fn several_keypoint_tables_are_runs_of_one_comparison() {
     page.close().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_checkpoint_on_the_example_is_compared_with_its_own_one_by_one() {
+async fn a_checkpoint_on_the_example_is_compared_with_its_own_one_by_one(browser: Browser) {
     let folder = tempfile::tempdir().expect("a folder");
     let mine = folder.path().join("mine.safetensors");
     fs::copy(example("checkpoint.safetensors"), &mine).expect("copied");
-    let page = Page::open().await;
+    let page = Page::open_in(browser).await;
     page.click("#try-example").await;
     page.until_scored().await;
     page.pick(&[&mine]).await;

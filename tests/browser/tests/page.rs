@@ -82,6 +82,7 @@ in_every_browser! {
     bad_tables_and_checkpoints_are_told_and_replaced
     own_files_take_the_place_of_the_example
     what_is_wrong_stands_over_the_results_and_goes_with_its_cause
+    the_frames_done_can_be_scored_after_cancelling
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -282,9 +283,8 @@ async fn an_extraction_can_be_cancelled_and_goes_on() {
     page.close().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn the_frames_done_can_be_scored_after_cancelling() {
-    let page = Page::open().await;
+async fn the_frames_done_can_be_scored_after_cancelling(browser: Browser) {
+    let page = Page::open_in(browser).await;
     page.value(
         "(() => { const place = document.querySelector('#extraction'); new MutationObserver(() => { \
          if (place.dataset.status === 'running' && Number(place.dataset.done) >= 60 && !globalThis.__cancelled) { \

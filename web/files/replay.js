@@ -1,0 +1,121 @@
+// @ts-check
+/**
+ * A score as one file that drops back in as it was: a ZIP archive of the settings, the keypoints,
+ * the ground truth and small images.
+ */
+
+import { version } from "../pkg/index.js";
+import { baseName } from "../ui/format.js";
+import { decodeImage } from "./image-cache.js";
+import { blobOf } from "./sources.js";
+
+/**
+ * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../pkg/index.js").TableOptions} TableOptions
+ * @typedef {import("./sources.js").Source} Source
+ *
+ * What the archive says beside its files. `config` is that of the encoder whose latent space the
+ * keypoints are in.
+ * @typedef {{ schema: string, version: string, transform: string, rank: string, thresholds:
+ * Record<string, number>, imageSize: [number, number] | null, config: string | null, truth:
+ * TableOptions, keypoints: TableOptions }} Replay
+ */
+
+export const REPLAY = "tracklens.json";
+const SCHEMA = "tracklens/replay/1";
+/** The longer side of an image, in pixels. */
+const SIDE = 192;
+const QUALITY = 0.75;
+/** Images are left out of longer recordings. */
+const MOST_IMAGES = 4000;
+
+/**
+ * @param {Session} session
+ * @param {(done: number, total: number) => void} onProgress
+ * @returns {Promise<Blob>}
+ */
+export async function replayOf(session, onProgress) {
+  const { score, library, table } = session;
+  const truth = library.used("ground-truth");
+  const keypoints = library.used("keypoints");
+  if (!score.points || !table || !truth) throw new Error("there is no score to be saved");
+  const { transform, rank, thresholds } = score.options;
+  const config = keypoints ? null : (session.encoder?.info.config ?? null);
+  /** @type {Replay} */
+  const replay = {
+    ...{ schema: SCHEMA, version: version(), transform, rank },
+    thresholds: Object.fromEntries(thresholds),
+    imageSize: score.imageSize,
+    config: config ?? session.replay?.config ?? null,
+    truth: readingOf(truth),
+    // As a table it is written in ndc, counted from 0.
+    keypoints: {},
+  };
+  const text = new Blob([`${JSON.stringify(replay, null, 2)}\n`]);
+  const files = [
+    { path: REPLAY, blob: text },
+    { path: baseName(truth.path), blob: await blobOf(truth.source) },
+    { path: "keypoints.csv", blob: new Blob([table.toCsv()]) },
+    ...(await imagesOf(session, onProgress)),
+  ];
+  const { zipOf } = await import("./containers/zip-writer.js");
+  return zipOf(files);
+}
+
+/**
+ * How a table was read: what was guessed then is said now.
+ * @param {import("./entry.js").Entry} entry
+ * @returns {TableOptions}
+ */
+function readingOf({ parsed }) {
+  if (!("content" in parsed) || !("table" in parsed.content)) return {};
+  const { space, axisOrder, indexBase } = parsed.content.table.reading;
+  return { space: space.value, axisOrder: axisOrder.value, indexBase: indexBase.value };
+}
+
+/**
+ * @param {Session} session
+ * @param {(done: number, total: number) => void} onProgress
+ */
+async function imagesOf({ score, frameSources }, onProgress) {
+  const frames = [...score.frameNumbers.keys()];
+  const shown = new Set(frames.map((frame) => score.picture(frame)));
+  const images = frameSources.filter((source) => shown.has(source));
+  if (images.length > MOST_IMAGES) return [];
+  const files = [];
+  for (const [i, source] of images.entries()) {
+    onProgress(i, images.length);
+    const blob = await smaller(source).catch(() => null);
+    if (blob) files.push({ path: `${source.path.replace(/\.[^./]*$/, "")}.jpg`, blob });
+  }
+  return files;
+}
+
+/** @param {Source} source */
+async function smaller(source) {
+  const image = await decodeImage(source);
+  const scale = Math.min(1, SIDE / Math.max(image.width, image.height));
+  const [width, height] = [image.width, image.height].map((side) => Math.round(scale * side));
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d");
+  if (context) {
+    context.imageSmoothingQuality = "high";
+    context.drawImage(image, 0, 0, width, height);
+  }
+  image.close();
+  return canvas.convertToBlob({ type: "image/jpeg", quality: QUALITY });
+}
+
+/**
+ * What a file says of how to show the others; `null` when it is something else.
+ * @param {Source} source
+ * @returns {Promise<Replay | null>}
+ */
+export async function readReplay(source) {
+  try {
+    const found = JSON.parse(await (await blobOf(source)).text());
+    return found?.schema === SCHEMA ? found : null;
+  } catch {
+    return null;
+  }
+}
