@@ -83,40 +83,8 @@ export function largeMatrix(session, describe, choose) {
     // The canvas lies over what scrolls.
     spacer.style.marginTop = `-${canvas.clientHeight}px`;
   };
-  const cellAt = (/** @type {MouseEvent} */ event) => {
-    const box = canvas.getBoundingClientRect();
-    const x = event.clientX - box.left - MARGIN.left;
-    const y = event.clientY - box.top - MARGIN.top;
-    if (x < 0 || y < 0) return null;
-    const found = {
-      object: Math.floor((y + scroll.scrollTop) / CELL),
-      keypoint: Math.floor((x + scroll.scrollLeft) / CELL),
-    };
-    const { objects, keypoints } = size();
-    return found.object < objects && found.keypoint < keypoints ? found : null;
-  };
   scroll.addEventListener("scroll", draw, { passive: true });
-  scroll.addEventListener("pointermove", (event) => {
-    const found = cellAt(event);
-    if (found && (found.object !== at.object || found.keypoint !== at.keypoint)) tell(found);
-  });
-  scroll.addEventListener("click", (event) => {
-    const found = cellAt(event);
-    if (!found) return;
-    tell(found);
-    choose(found);
-  });
-  scroll.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.key === "Enter" || event.key === " ") choose(at);
-    else {
-      const next = neighbour(at, event.key, size());
-      if (!next) return;
-      follow(scroll, next);
-      tell(next);
-    }
-    event.preventDefault();
-  });
+  listen(scroll, canvas, { size, tell, choose, at: () => at });
   const update = () => {
     const { objects, keypoints } = size();
     spacer.style.width = `${MARGIN.left + keypoints * CELL}px`;
@@ -129,6 +97,50 @@ export function largeMatrix(session, describe, choose) {
   onResized(scroll, draw);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   return { element: h("div", { class: "large-frame" }, scroll, tip), update };
+}
+
+/**
+ * Points at cells and chooses them, by pointer and by keys.
+ * @param {HTMLElement} scroll
+ * @param {HTMLCanvasElement} canvas
+ * @param {{ size: () => { objects: number, keypoints: number }, tell: (cell: Cell) => void,
+ * choose: (cell: Cell) => void, at: () => Cell }} matrix
+ */
+function listen(scroll, canvas, { size, tell, choose, at }) {
+  const cellAt = (/** @type {MouseEvent} */ event) => {
+    const box = canvas.getBoundingClientRect();
+    const x = event.clientX - box.left - MARGIN.left;
+    const y = event.clientY - box.top - MARGIN.top;
+    if (x < 0 || y < 0) return null;
+    const found = {
+      object: Math.floor((y + scroll.scrollTop) / CELL),
+      keypoint: Math.floor((x + scroll.scrollLeft) / CELL),
+    };
+    const { objects, keypoints } = size();
+    return found.object < objects && found.keypoint < keypoints ? found : null;
+  };
+  scroll.addEventListener("pointermove", (event) => {
+    const found = cellAt(event);
+    const { object, keypoint } = at();
+    if (found && (found.object !== object || found.keypoint !== keypoint)) tell(found);
+  });
+  scroll.addEventListener("click", (event) => {
+    const found = cellAt(event);
+    if (!found) return;
+    tell(found);
+    choose(found);
+  });
+  scroll.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.key === "Enter" || event.key === " ") choose(at());
+    else {
+      const next = neighbour(at(), event.key, size());
+      if (!next) return;
+      follow(scroll, next);
+      tell(next);
+    }
+    event.preventDefault();
+  });
 }
 
 /**

@@ -25,22 +25,10 @@ export function objectTable(session) {
   /** @type {Order} */
   let by = "error";
   const rows = h("div", { class: "object-rows", role: "rowgroup" });
-  const sorting = /** @type {[Order, string][]} */ ([
-    ["name", "Object"],
-    ["error", "Error e"],
-  ]).map(([key, label]) => {
-    const sort = () => {
-      by = key;
-      update();
-    };
-    const button = h("button", { type: "button", class: "sort", onclick: sort }, label);
-    return { key, header: h("span", { role: "columnheader" }, button) };
+  const { head, sorting } = headView((key) => {
+    by = key;
+    update();
   });
-  const plain = ["Held out", "RMSE, px", "Keypoint", "Threshold μ", ""].map((label) =>
-    h("span", { role: "columnheader" }, label || h("span", { class: "visually-hidden" }, "Verdict")),
-  );
-  const headers = [...sorting.map(({ header }) => header), ...plain];
-  const head = h("div", { class: "object-row object-head", role: "row" }, ...headers);
   const element = h(
     "div",
     {
@@ -81,6 +69,26 @@ export function objectTable(session) {
   };
   onResized(element, draw);
   return { element, update };
+}
+
+/**
+ * The headers, two of which sort.
+ * @param {(key: Order) => void} sort
+ */
+function headView(sort) {
+  const sorting = /** @type {[Order, string][]} */ ([
+    ["name", "Object"],
+    ["error", "Error e"],
+  ]).map(([key, label]) => {
+    const onclick = () => sort(key);
+    const button = h("button", { type: "button", class: "sort", onclick }, label);
+    return { key, header: h("span", { role: "columnheader" }, button) };
+  });
+  const plain = ["Held out", "RMSE, px", "Keypoint", "Threshold μ", ""].map((label) =>
+    h("span", { role: "columnheader" }, label || h("span", { class: "visually-hidden" }, "Verdict")),
+  );
+  const headers = [...sorting.map(({ header }) => header), ...plain];
+  return { head: h("div", { class: "object-row object-head", role: "row" }, ...headers), sorting };
 }
 
 /**

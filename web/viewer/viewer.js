@@ -56,27 +56,9 @@ export function showViewer(session) {
   });
   const trails = h("label", { class: "field" }, h("span", {}, "Trails"), trailSelect(look, redraw));
   const tools = h("div", { class: "viewer-tools" }, trails, moving.speedField);
-  const head = h(
-    "div",
-    { class: "viewer-head" },
-    h("h2", { id: "viewer-title" }, "Frames"),
-    zoomView(view.gesture),
-  );
-  const more = h("details", { class: "keys" }, h("summary", {}, "Trails, speed, keys"), tools, note);
-  more.append(...keysView());
-  const frames = [head, view.element, moving.element, layers.element, problem];
-  const curves = plots(session);
-  const beside = h(
-    "div",
-    { class: "panel viewer-plots" },
-    h("div", { class: "viewer-head" }, ...picking.elements, curves.zoom),
-    h("div", { class: "viewer-lines" }, ...curves.elements),
-  );
-  fill(
-    place,
-    h("div", { class: "panel viewer-stage" }, ...frames, sequences.element, more),
-    beside,
-  );
+  const frames = [view.element, moving.element, layers.element, problem, sequences.element];
+  const beside = besideView(session, picking.elements);
+  fill(place, framesView(view.gesture, frames, [tools, note]), beside);
   listenToKeys(place, (event) => player.key(event) || view.gesture.key(event.key));
 
   const showSelection = () => {
@@ -107,6 +89,34 @@ export function showViewer(session) {
     picking.rebuild();
     open();
   });
+}
+
+/**
+ * @param {Stage["gesture"]} gesture
+ * @param {HTMLElement[]} frames
+ * @param {HTMLElement[]} tools
+ */
+function framesView(gesture, frames, tools) {
+  const title = h("h2", { id: "viewer-title" }, "Frames");
+  const head = h("div", { class: "viewer-head" }, title, zoomView(gesture));
+  const summary = h("summary", {}, "Trails, speed, keys");
+  const more = h("details", { class: "keys" }, summary, ...tools, ...keysView());
+  return h("div", { class: "panel viewer-stage" }, head, ...frames, more);
+}
+
+/**
+ * The plots, and what they are of.
+ * @param {Session} session
+ * @param {HTMLElement[]} pickers
+ */
+function besideView(session, pickers) {
+  const { elements, zoom } = plots(session);
+  return h(
+    "div",
+    { class: "panel viewer-plots" },
+    h("div", { class: "viewer-head" }, ...pickers, zoom),
+    h("div", { class: "viewer-lines" }, ...elements),
+  );
 }
 
 /**

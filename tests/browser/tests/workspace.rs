@@ -419,8 +419,9 @@ async fn an_extraction_shows_what_it_has_so_far(browser: Browser) {
     page.value(
         "(new MutationObserver(() => { const said = document.querySelector('#provisional')?.textContent; \
          const state = document.querySelector('main').dataset.state; \
-         if (state === 'extracting' && !document.querySelector('#viewer').hidden) document.body.dataset.seen = true; \
-         if (said?.includes('TC')) { document.body.dataset.said ??= said; document.querySelector('#cancel')?.click(); } }) \
+         const { dataset } = document.body; \
+         if (state === 'extracting' && !document.querySelector('#viewer').hidden && !dataset.seen) dataset.seen = true; \
+         if (said?.includes('TC') && !dataset.said) { dataset.said = said; document.querySelector('#cancel')?.click(); } }) \
          .observe(document.body, { childList: true, subtree: true, characterData: true, attributes: true }), true)",
     )
     .await;
@@ -659,7 +660,8 @@ async fn detectors_are_rows_and_play_in_step(browser: Browser) {
     page.until("[...document.querySelectorAll('#detector-table tbody small')].every((cell) => /\\d/.test(cell.textContent))")
         .await;
     page.hold().await;
-    page.click("#in-step > summary").await;
+    page.value("document.querySelector('#in-step > summary').click()")
+        .await;
     let frames = "[...document.querySelectorAll('#in-step canvas')].map((canvas) => canvas.dataset.frame).join()";
     page.until(&format!("{frames} === '0,0'")).await;
     let stage = page.driver.find(By::Css("#stage")).await.expect("a stage");
