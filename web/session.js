@@ -469,6 +469,7 @@ export class Session extends EventTarget {
       if (taken.role === "keypoints") Object.assign(options, replay.keypoints);
     }
     this.replay = replay;
+    this.minConfidence = replay.minConfidence ?? {};
     this.score.takeOptions(replay);
   }
 

@@ -6,6 +6,7 @@ import { Points } from "../points.js";
 import { fill, h } from "../ui/dom.js";
 import { baseName } from "../ui/format.js";
 import { objectColor } from "../ui/palette.js";
+import { onResized } from "../ui/resized.js";
 import { paint } from "../viewer/scene.js";
 import { WHOLE } from "../viewer/view.js";
 import { openDetector } from "./detectors.js";
@@ -83,6 +84,7 @@ export function inStepView(session, comparison) {
     note,
     grid,
   );
+  onResized(grid, () => lanes.length > 0 && void draw());
   session.score.addEventListener("selection", () => lanes.length > 0 && void draw());
   return { element, update };
 }

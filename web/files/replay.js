@@ -11,13 +11,14 @@ import { blobOf } from "./sources.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
+ * @typedef {import("../pkg/index.js").MinConfidence} MinConfidence
  * @typedef {import("../pkg/index.js").TableOptions} TableOptions
  * @typedef {import("./sources.js").Source} Source
  *
  * What the archive says beside its files. `config` is that of the encoder whose latent space the
  * keypoints are in.
  * @typedef {{ schema: string, version: string, transform: string, rank: string, thresholds:
- * Record<string, number>, imageSize: [number, number] | null, config: string | null, truth:
+ * Record<string, number>, minConfidence?: MinConfidence, imageSize: [number, number] | null, config: string | null, truth:
  * TableOptions, keypoints: TableOptions }} Replay
  */
 
@@ -45,6 +46,7 @@ export async function replayOf(session, onProgress) {
   const replay = {
     ...{ schema: SCHEMA, version: version(), transform, rank },
     thresholds: Object.fromEntries(thresholds),
+    minConfidence: session.minConfidence,
     imageSize: score.imageSize,
     config: config ?? session.replay?.config ?? null,
     truth: readingOf(truth),

@@ -660,6 +660,7 @@ async fn detectors_are_rows_and_play_in_step(browser: Browser) {
     page.until("[...document.querySelectorAll('#detector-table tbody small')].every((cell) => /\\d/.test(cell.textContent))")
         .await;
     page.hold().await;
+    page.reveal("#in-step").await;
     page.value("document.querySelector('#in-step > summary').click()")
         .await;
     let frames = "[...document.querySelectorAll('#in-step canvas')].map((canvas) => canvas.dataset.frame).join()";
