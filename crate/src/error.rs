@@ -68,6 +68,12 @@ pub enum Reason {
     KeypointsFromOne,
     /// The file does not say in which order the coordinates are; the usual order was assumed.
     AssumedAxisOrder,
+    /// The model of a detector leaves settings open; with them, the same file can be run.
+    DetectorSettings {
+        /// Their names: `inputSize`, `layout`, `normalization`, `output`, `outputNames`, `columns`,
+        /// `unit`.
+        missing: Vec<String>,
+    },
 }
 
 /// What sort of failure an [`Error`] is.

@@ -6,8 +6,8 @@
 //! autoencoders (SAEs) and trains them.
 //!
 //! [`metric`] scores arrays; `evaluation` joins tables of keypoints and ground truth and scores
-//! them; `extract` finds keypoints in frames; `train` trains autoencoders; `report` draws the
-//! results of one evaluation or of many runs.
+//! them; `extract` finds keypoints in frames, `detector` by models of any origin; `train` trains
+//! autoencoders; `report` draws the results of one evaluation or of many runs.
 //!
 //! # Features
 //!
@@ -21,13 +21,14 @@
 //! | `jpeg-webp` | JPEG and WebP images besides PNG | 73 |
 //! | `hdf5` | HDF5 recordings | 78 |
 //! | `engine` | encoders on the CPU: `engine`, `extract` | 72 |
+//! | `onnx` | any detector as an ONNX model: `detector` | 93 |
 //! | `report` | tables, figures and pages: `report` | 76 |
 //! | `model` | the SAEs as burn modules: `model` | 195 |
 //! | `train` | training: `train` | 208 |
 //! | `gpu` | burn's wgpu backend (Vulkan, Metal, Direct3D 12, OpenGL) as a device | 301 |
-//! | `cli` | the binary `tracklens`, without training | 171 |
+//! | `cli` | the binary `tracklens`, without training | 180 |
 //!
-//! The default features are `cli` and `train` (280 crates). The features that begin with `web` make
+//! The default features are `cli` and `train` (284 crates). The features that begin with `web` make
 //! the parts of the npm package and are of no use in Rust.
 
 #[cfg(any(feature = "cli", feature = "train"))]
@@ -45,6 +46,8 @@ pub mod track;
 pub mod checkpoint;
 #[cfg(feature = "data")]
 pub mod data;
+#[cfg(feature = "onnx")]
+pub mod detector;
 #[cfg(feature = "engine")]
 pub mod engine;
 #[cfg(feature = "data")]

@@ -11,6 +11,8 @@ mod checkpoint;
 mod context;
 #[cfg(all(feature = "engine", feature = "jpeg-webp"))]
 mod data;
+#[cfg(feature = "onnx")]
+mod detector;
 #[cfg(feature = "data")]
 mod doctor;
 #[cfg(feature = "engine")]

@@ -95,6 +95,11 @@ def check(binary, checkpoint, folder):
     print(f"{Path(checkpoint).name}: {len(batch)} frames, largest difference {difference:.1e}")
     assert difference < TOLERANCE, difference
 
+    rten = extracted(binary, path, frames, config["keypoints"], folder / "rten.csv")
+    difference = abs(latent - rten).max()
+    print(f"{Path(checkpoint).name}: as a model, largest difference {difference:.1e}")
+    assert difference < TOLERANCE, difference
+
     [alone] = session.run(["keypoints"], {"image": batch[:1]})
     assert abs(alone[0] - latent[0]).max() < TOLERANCE, "a batch of one frame differs"
     if not size:

@@ -12,6 +12,7 @@ use tracklens::data::{
     ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
     parse_npz_ground_truth, parse_npz_keypoints,
 };
+use tracklens::detector::{Graph, Plan, Settings};
 use tracklens::evaluation::EvaluationReport;
 use tracklens::report::evaluation::{evaluation_csv, evaluation_page};
 use tracklens::report::runs::Run;
@@ -35,6 +36,7 @@ pub const ENTRIES: &[Entry] = &[
     entry("safetensors", checkpoint),
     entry("pickle", checkpoint),
     entry("burnpack", checkpoint),
+    entry("onnx", onnx),
     entry("images", images),
     entry("run_folder", run_folder),
     entry("evaluation", evaluation),
@@ -108,6 +110,21 @@ fn recording(recording: tracklens::Result<Recording>) {
 
 fn checkpoint(bytes: &[u8]) {
     let _ = black_box(Checkpoint::from_bytes(bytes));
+}
+
+/// What is read of a model before it is given to its runtime.
+fn onnx(bytes: &[u8]) {
+    if let Ok(graph) = Graph::read(bytes) {
+        let _ = black_box(Plan::new(&graph, &Settings::default()));
+        black_box(
+            graph
+                .outputs
+                .iter()
+                .map(ToString::to_string)
+                .collect::<String>(),
+        );
+    }
+    let _ = black_box(Settings::from_json(bytes));
 }
 
 fn images(bytes: &[u8]) {

@@ -6,6 +6,7 @@ mod runs;
 mod binary;
 mod cli;
 mod cli_checkpoint;
+mod detector;
 mod doctor;
 mod evaluation;
 #[cfg(all(feature = "train", unix))]

@@ -12,6 +12,13 @@ pub struct LatentGrid {
 }
 
 impl LatentGrid {
+    /// Of points that are in ndc already.
+    pub fn of_image() -> Self {
+        Self {
+            ndc_from_latent: [[1.0, 0.0]; 2],
+        }
+    }
+
     /// Places a latent point (x, y) in the image (ndc).
     pub fn to_image(&self, point: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| {

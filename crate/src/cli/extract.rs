@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 
+use super::detector::DetectorArguments;
 #[cfg(feature = "gpu")]
 use super::device::open_and_tell;
 use super::files::{self, TruthArguments};
@@ -67,7 +68,8 @@ fn parse_file(text: &str) -> Result<PathBuf> {
 /// Where keypoints come from; shared by `extract` and `eval`.
 #[derive(Debug, Args)]
 struct SourceArguments {
-    /// Weights of the encoder: .safetensors, PyTorch's .pth or burn's .bpk
+    /// Weights of an encoder (.safetensors, PyTorch's .pth or burn's .bpk), or any detector as an
+    /// ONNX model (.onnx)
     #[arg(long, value_name = "W.safetensors")]
     checkpoint: PathBuf,
     /// Which weights, where a file has several sets: what stands before `encoder.` in their names,
@@ -75,6 +77,8 @@ struct SourceArguments {
     /// model_state_dict, state_dict, model or weights
     #[arg(long, value_name = "KEY")]
     key: Option<String>,
+    #[command(flatten)]
+    detector: DetectorArguments,
     /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz,
     /// .hdf5)
     #[arg(long, value_name = "PATH")]
@@ -152,17 +156,29 @@ struct Extracted {
 }
 
 impl SourceArguments {
-    fn extract(&self, frames: &dyn FrameSource) -> Result<Extracted> {
-        let checkpoint = files::read_checkpoint(&self.checkpoint, self.key.as_deref())?;
+    /// The encoder or the detector.
+    fn open(&self) -> Result<Box<dyn Extractor + Sync>> {
         let place = |e: Error| e.at(self.checkpoint.display());
-        let cancel = cancel_on_interrupt()?;
-        let bar = progress_bar(self.quiet);
-        let threads = self.threads.map_or(0, NonZeroUsize::get);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
-        let extractor: Box<dyn Extractor + Sync> = match self.device {
+        if let Some(bytes) = files::read_onnx(&self.checkpoint)? {
+            if self.key.is_some() {
+                return Err(place(Error::mismatch(
+                    "--key chooses among sets of weights, and an ONNX model has one; leave it out",
+                )));
+            }
+            if self.device != DeviceKind::Cpu {
+                return Err(place(Error::input(
+                    "ONNX models run on the CPU only; leave --device out",
+                )));
+            }
+            return Ok(Box::new(self.detector.open(
+                &self.checkpoint,
+                bytes,
+                self.quiet,
+            )?));
+        }
+        self.detector.check_unused().map_err(place)?;
+        let checkpoint = files::read_checkpoint(&self.checkpoint, self.key.as_deref())?;
+        Ok(match self.device {
             DeviceKind::Cpu => Box::new(CpuExtractor::new(&checkpoint).map_err(place)?),
             #[cfg(feature = "gpu")]
             DeviceKind::Gpu => {
@@ -171,7 +187,18 @@ impl SourceArguments {
             }
             #[cfg(not(feature = "gpu"))]
             DeviceKind::Gpu => return Err(built_without_gpu()),
-        };
+        })
+    }
+
+    fn extract(&self, frames: &dyn FrameSource) -> Result<Extracted> {
+        let cancel = cancel_on_interrupt()?;
+        let bar = progress_bar(self.quiet);
+        let threads = self.threads.map_or(0, NonZeroUsize::get);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
+        let extractor = self.open()?;
         let all = 0..frames.index().keys().len();
         let observer = |event: Event| show(&bar, &event);
         let found =
@@ -198,17 +225,24 @@ impl SourceArguments {
             .zip(&found)
             .filter_map(|(key, found)| Some((key.clone(), found.as_ref().ok()?)))
             .unzip();
-        let points = Array3::from_shape_fn(
-            (good.len(), checkpoint.config.keypoints, 2),
-            |(t, n, axis)| f64::from(good[t].points[n][axis]),
-        );
+        let points =
+            Array3::from_shape_fn((good.len(), extractor.keypoints(), 2), |(t, n, axis)| {
+                f64::from(good[t].points[n][axis])
+            });
+        let has_confidence = !good.is_empty() && good.iter().all(|g| g.confidences.is_some());
+        let confidence = has_confidence.then(|| {
+            Array2::from_shape_fn((good.len(), extractor.keypoints()), |(t, n)| {
+                let all = good[t].confidences.as_ref();
+                all.map_or(f64::NAN, |all| f64::from(all[n]))
+            })
+        });
         let size = good.first().map(|g| g.image_size);
         let same = good.iter().all(|g| Some(g.image_size) == size);
-        if !same && checkpoint.config.input_size.is_none() {
+        if !same && extractor.input_size().is_none() {
             eprintln!("note: the frames have different sizes and the checkpoint has no input size");
         }
         Ok(Extracted {
-            track: KeypointTrack::new(keys, points)?,
+            track: KeypointTrack::new(keys, points)?.with_confidence(confidence)?,
             image_size: size.filter(|_| same),
         })
     }

@@ -17,6 +17,7 @@ use crate::data::{
     keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
     parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
 };
+use crate::detector::Graph;
 use crate::error::{Error, ErrorKind, Result, without_controls};
 use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
@@ -505,6 +506,22 @@ pub(super) fn read_keypoints(
     };
     tell(path, &table.notices);
     Ok(table)
+}
+
+/// Reads an ONNX model, which a file is by its name, or by its content where the name tells nothing;
+/// `None` for other files.
+pub(super) fn read_onnx(path: &Path) -> Result<Option<Vec<u8>>> {
+    let ending = path.extension().unwrap_or_default();
+    let ending = ending.to_string_lossy().to_ascii_lowercase();
+    let named = ending == "onnx";
+    // A pipe can be read once.
+    if !named && (ending == "json" || Format::from_extension(&ending).is_some() || !path.is_file())
+    {
+        return Ok(None);
+    }
+    let bytes = read(path)?;
+    let is_model = Format::of(&bytes).is_none() && (named || Graph::is_onnx(&bytes));
+    Ok(Some(bytes).filter(|_| is_model))
 }
 
 /// Reads a checkpoint; `key` says which weights, where there are several sets.

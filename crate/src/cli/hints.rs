@@ -1,12 +1,15 @@
 //! What the terminal offers for an error or a notice.
 
+use std::borrow::Cow;
+
 use crate::data::Space;
 use crate::error::Reason;
 use crate::evaluation::doctor::{Finding, Remedy, Side};
 
 /// The option that helps, in a sentence.
-pub(super) fn hint(reason: &Reason) -> Option<&'static str> {
-    Some(match reason {
+pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
+    Some(Cow::Borrowed(match reason {
+        Reason::DetectorSettings { missing } => return Some(Cow::Owned(detector(missing))),
         Reason::MissingImageSize => {
             "give the size with --image-size 256x256, or say that the positions are in ndc with --space ndc"
         }
@@ -24,7 +27,27 @@ pub(super) fn hint(reason: &Reason) -> Option<&'static str> {
         Reason::KeypointsFromOne => "`--first-keypoint 1` counts the keypoints from 1",
         Reason::AssumedAxisOrder => "`--axis-order yx` reads (y, x)",
         Reason::MissingPoints { .. } | Reason::LooksLikeFractions => return None,
-    })
+    }))
+}
+
+/// The options that say what a model leaves open.
+fn detector(missing: &[String]) -> String {
+    let option = |name: &String| match name.as_str() {
+        "inputSize" => "--input-size 256x256 (or frame)",
+        "layout" => "--layout nchw (or nhwc)",
+        "normalization" => {
+            "--normalize imagenet (or fraction, symmetric, bytes), or --mean 0.5,0.5,0.5 --std 0.5,0.5,0.5"
+        }
+        "output" => "--output heatmaps (or points, simcc)",
+        "columns" => "--columns xy (or yx, xyc, yxc, xyz)",
+        "unit" => "--unit px (or fraction, ndc)",
+        _ => "--output-names NAME",
+    };
+    let options: Vec<&str> = missing.iter().map(option).collect();
+    format!(
+        "say it with {}; --remember keeps it beside the model",
+        options.join(" and ")
+    )
 }
 
 /// A finding of the data's doctor on one line, with the options that remedy it.

@@ -5,6 +5,7 @@ mod terminal;
 
 mod checkpoint;
 mod data;
+mod detector;
 #[cfg(any(feature = "train", feature = "gpu"))]
 mod device;
 mod extract;

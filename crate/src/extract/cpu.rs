@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::{Extraction, Extractor};
-use crate::checkpoint::{Checkpoint, SaeConfig};
+use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig};
 use crate::data::Frame;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::data::{FrameSource, for_blocks};
@@ -35,6 +35,11 @@ impl CpuExtractor {
         })
     }
 
+    /// The architecture and sizes of the encoder.
+    pub fn config(&self) -> &SaeConfig {
+        self.encoder.config()
+    }
+
     /// The weights behind keypoint `n` of a frame.
     ///
     /// # Errors
@@ -57,14 +62,23 @@ impl CpuExtractor {
 }
 
 impl Extractor for CpuExtractor {
-    fn config(&self) -> &SaeConfig {
-        self.encoder.config()
+    fn keypoints(&self) -> usize {
+        self.config().keypoints
+    }
+
+    fn input_size(&self) -> Option<[usize; 2]> {
+        self.config().input_size
+    }
+
+    fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
+        self.config().latent_grid(image_size)
     }
 
     fn extract_frame(&self, frame: &Frame) -> Result<Extraction> {
         let points = self.with_workspace(|workspace| self.encoder.extract(workspace, frame))?;
         Ok(Extraction {
             points,
+            confidences: None,
             image_size: [frame.width(), frame.height()],
         })
     }

@@ -9,7 +9,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::{Extraction, Extractor};
-use crate::checkpoint::{Checkpoint, SaeConfig};
+use crate::checkpoint::{Checkpoint, LatentGrid, SaeConfig};
 #[cfg(not(target_arch = "wasm32"))]
 use crate::data::FrameSource;
 use crate::data::{Filter, Frame};
@@ -166,14 +166,23 @@ fn extractions(
                 .collect();
             finite(points).map(|points| Extraction {
                 points,
+                confidences: None,
                 image_size: frame.image_size,
             })
         })
 }
 
 impl Extractor for DeviceExtractor {
-    fn config(&self) -> &SaeConfig {
-        &self.config
+    fn keypoints(&self) -> usize {
+        self.config.keypoints
+    }
+
+    fn input_size(&self) -> Option<[usize; 2]> {
+        self.config.input_size
+    }
+
+    fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
+        self.config.latent_grid(image_size)
     }
 
     fn extract_frame(&self, frame: &Frame) -> Result<Extraction> {

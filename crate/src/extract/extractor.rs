@@ -3,7 +3,7 @@
 #[cfg(not(target_arch = "wasm32"))]
 use std::ops::Range;
 
-use crate::checkpoint::{LatentGrid, SaeConfig};
+use crate::checkpoint::LatentGrid;
 use crate::data::Frame;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::data::FrameSource;
@@ -14,16 +14,24 @@ use crate::event::Cancel;
 /// The keypoints of one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Extraction {
-    /// N points (x, y) in the latent space of the encoder.
+    /// N points (x, y) in the latent space of the encoder, or in ndc for other detectors.
     pub points: Vec<[f32; 2]>,
+    /// How sure the detector is of each of them, in its own unit, if it says so.
+    pub confidences: Option<Vec<f32>>,
     /// Width and height of the image.
     pub image_size: [u32; 2],
 }
 
 /// Extracts keypoints from images.
 pub trait Extractor {
-    /// The architecture and sizes of the encoder.
-    fn config(&self) -> &SaeConfig;
+    /// The number of keypoints N.
+    fn keypoints(&self) -> usize;
+
+    /// Width and height that images are resized to; `None` where each is taken as it is.
+    fn input_size(&self) -> Option<[usize; 2]>;
+
+    /// Where the points lie in an image of `[width, height]`.
+    fn grid(&self, image_size: [u32; 2]) -> LatentGrid;
 
     /// Extracts the keypoints of a decoded frame.
     ///
@@ -54,15 +62,5 @@ pub trait Extractor {
     /// When the image cannot be decoded; as [`Extractor::extract_frame`].
     fn extract(&self, image: &[u8]) -> Result<Extraction> {
         self.extract_frame(&Frame::decode(image)?)
-    }
-
-    /// The number of keypoints N.
-    fn keypoints(&self) -> usize {
-        self.config().keypoints
-    }
-
-    /// Where the latent points lie in an image of `[width, height]`.
-    fn grid(&self, image_size: [u32; 2]) -> LatentGrid {
-        self.config().latent_grid(image_size)
     }
 }

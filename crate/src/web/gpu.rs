@@ -107,7 +107,9 @@ impl GpuEncoder {
 }
 
 fn extracted(found: Result<Extraction>, name: &str) -> JsResult<JsValue> {
-    let Extraction { points, image_size } = match found {
+    let Extraction {
+        points, image_size, ..
+    } = match found {
         Ok(extraction) => extraction,
         Err(error) => return Ok(js_error(&error.at(name))),
     };
