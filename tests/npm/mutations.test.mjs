@@ -11,7 +11,7 @@ import { Worker, isMainThread, parentPort, workerData } from "node:worker_thread
 const CALLS = Number(process.env.TRACKLENS_CALLS ?? 1500);
 const SEED = Number(process.env.TRACKLENS_SEED ?? 1);
 /** Milliseconds that a call may take, on a machine that does many things at a time. */
-const PATIENCE = 60_000;
+const PATIENCE = 300_000;
 /** Characters of a call that are told. */
 const SHOWN = 2000;
 
@@ -67,6 +67,13 @@ const ODD = [
   Symbol.iterator,
   () => 1,
 ];
+
+/** A copy of objects and lists; whatever else is in them stays what it is. @param {any} value */
+function copied(value) {
+  if (Array.isArray(value)) return value.map(copied);
+  if (value?.constructor !== Object) return value;
+  return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, copied(inner)]));
+}
 
 /** Ways to change what a function is usually called with. */
 class Mutator {
@@ -141,7 +148,7 @@ class Mutator {
    * @param {any} value
    */
   structure(value) {
-    const copy = structuredClone(value);
+    const copy = copied(value);
     let inside = copy;
     for (;;) {
       const keys = Object.keys(inside);
@@ -152,7 +159,7 @@ class Mutator {
       }
       const key = this.pick(keys);
       const next = inside[key];
-      const isDeep = next !== null && typeof next === "object" && !ArrayBuffer.isView(next);
+      const isDeep = Array.isArray(next) || next?.constructor === Object;
       if (isDeep && this.next() < 0.75) {
         inside = next;
         continue;
@@ -209,8 +216,8 @@ async function calls(t) {
   const sequence = (await readdir(new URL("panda_push/seq_0000/", data))).map((file) => `seq_0000/${file}`);
   const makeFrames = () => new t.FrameIndex(sequence);
   const frame = await read(`panda_push/${sequence[0]}`);
-  const photos = await readdir(new URL("photos/", data));
-  const photo = await read(`photos/${photos.find((name) => name.endsWith(".webp")) ?? photos[0]}`);
+  const photos = await readdir(new URL("photos/seq_0000/", data));
+  const photo = await read(`photos/seq_0000/${photos.find((name) => name.endsWith(".webp"))}`);
   const weights = await Promise.all(
     ["basic-vel-std-bg-tiny.safetensors", "basic-vel-std-bg-tiny.pth", "keynet-vel-std-bg-tiny.safetensors"].map(golden),
   );
@@ -235,13 +242,20 @@ async function calls(t) {
   const table = { space: "px", axisOrder: "yx", indexBase: 0, imageSize: [64, 48] };
   const points = await read("formats/points.npz");
   const npy = arrayIn(points);
+  const frameArray = arrayIn(await read("formats/frames.npz"));
   const arrays = () => {
     const made = new t.Arrays("points.npz");
     made.add("keypoints", npy, npy.length);
+    made.add("frames", frameArray, frameArray.length);
     return made;
   };
-  const summary = { architecture: "x", epochs: 1, objects: full.objects };
-  const run = { config: json, log: utf8('{"epoch":1}\n'), summary: utf8(JSON.stringify(summary)) };
+  const trained = new URL("../../docs/example-run/stage-10/", import.meta.url);
+  const part = async (/** @type {string} */ name) => new Uint8Array(await readFile(new URL(name, trained)));
+  const run = {
+    config: await part("config.json"),
+    log: await part("log.jsonl"),
+    summary: await part("summary.json"),
+  };
   const comparison = () => {
     const made = new t.Comparison();
     made.addEvaluation("one", full, "a");
@@ -270,7 +284,7 @@ async function calls(t) {
     ["readArchive", t.readArchive, [archive(), archive().length, "a.zip"]],
     ["Arrays.uses", t.Arrays.uses, ["keypoints"]],
     ["Arrays.bytesNeeded", t.Arrays.bytesNeeded, ["images", 1000]],
-    ["Arrays.add", (...a) => { const made = new t.Arrays("a"); made.add(...a); try { made.frames(); } finally { made.keypoints(); } }, ["images", npy, npy.length]],
+    ["Arrays.add", (...a) => { const made = new t.Arrays("a"); made.add(...a); return made.keypoints(); }, ["keypoints", npy, npy.length]],
     ["Arrays.frames", of(arrays, "frames"), []],
     ["Arrays.groundTruth", of(arrays, "groundTruth"), [table]],
     ["Arrays.keypoints", of(arrays, "keypoints"), [table]],
@@ -280,7 +294,7 @@ async function calls(t) {
     ["Encoder of a pickle", (...a) => everything(new t.Encoder(...a)), [weights[1], "a.pth"]],
     ["Encoder.extract", of(makeEncoder, "extract"), [frame, "a.png"]],
     ["Encoder.heatMap", of(makeEncoder, "heatMap"), [frame, "a.png", 1]],
-    ["Decoder.open", (...a) => everything(t.Decoder.open(...a))?.reconstruct(new Float64Array(8)), [weights[2], "a.safetensors"]],
+    ["Decoder.open", (...a) => everything(t.Decoder.open(...a))?.reconstruct(new Float64Array(10)), [weights[2], "a.safetensors"]],
     ["Decoder.reconstruct", of(() => t.Decoder.open(weights[0], "a"), "reconstruct"), [new Float64Array(8)]],
     ["imageToArray", t.imageToArray, [photo, "a.webp"]],
     ["parseEvaluation", t.parseEvaluation, [json, "e.json"]],
@@ -338,12 +352,8 @@ async function work() {
   const mutate = new Mutator(next);
   const [returned, threw] = [new Set(), new Set()];
   for (const [name, call, usual] of all) {
-    try {
-      call(...usual);
-      returned.add(name);
-    } catch (error) {
-      if (!["Arrays.add", "Arrays.frames", "Comparison.addRun", "joinFrames"].includes(name)) throw error;
-    }
+    call(...usual);
+    returned.add(name);
   }
   for (let i = 0; i < count; i++) {
     const [name, call, usual] = mutate.pick(all);
@@ -368,7 +378,7 @@ async function work() {
 }
 
 if (isMainThread) {
-  test(`${CALLS} mutated calls neither trap nor hang`, { timeout: 0 }, async () => {
+  test(`${CALLS} mutated calls neither trap nor hang`, async () => {
     const done = await new Promise((resolve, reject) => {
       const worker = new Worker(new URL(import.meta.url), { workerData: { seed: SEED, calls: CALLS } });
       let last = "the start";

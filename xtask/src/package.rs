@@ -353,6 +353,9 @@ fn generate(
         .remove_producers_section(true)
         .generate(folder)
         .with_context(|| format!("wasm-bindgen cannot make bindings for {}", part.name))?;
+    let script = folder.join(part.script());
+    let checked = with_checked_arguments(&String::from_utf8(read(&script)?)?);
+    fs::write(&script, checked).with_context(|| format!("cannot write {}", script.display()))?;
     if folder.join("snippets").exists() {
         bail!(
             "the crate or a dependency brings JavaScript of its own (`inline_js` or `module`), \
@@ -406,6 +409,30 @@ impl<'a> Stamp<'a> {
     }
 }
 
+/// The bindings with a check in each function that puts a text or an array into memory: with
+/// something else in its place it would write where it must not.
+fn with_checked_arguments(script: &str) -> String {
+    let check = |line: &str| {
+        let rest = line.strip_prefix("function pass")?;
+        let (what, rest) = rest.split_once("ToWasm0(")?;
+        let (argument, _) = rest.split_once(',')?;
+        let (is_wrong, expected) = match what {
+            "String" => (format!("typeof {argument} !== \"string\""), "a text"),
+            _ => (
+                format!("!ArrayBuffer.isView({argument}) && !Array.isArray({argument})"),
+                "an array",
+            ),
+        };
+        Some(format!(
+            "    if ({is_wrong}) throw new TypeError(`expected {expected}, found ${{typeof {argument}}}`);\n"
+        ))
+    };
+    let lines = script.lines();
+    lines
+        .map(|line| format!("{line}\n{}", check(line).unwrap_or_default()))
+        .collect()
+}
+
 fn read(file: &Path) -> Result<Vec<u8>> {
     fs::read(file).with_context(|| format!("cannot read {}", file.display()))
 }
@@ -427,6 +454,22 @@ fn kib(bytes: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_and_arrays_are_checked_before_they_go_into_memory() {
+        let script = "function passStringToWasm0(arg, malloc, realloc) {\n    x();\n}\n\
+                      function passArray8ToWasm0(arg, malloc) {\n}\nfunction other(arg, b) {\n}\n";
+        let checked = with_checked_arguments(script);
+        let checks: Vec<&str> = checked
+            .lines()
+            .filter(|line| line.contains("throw"))
+            .collect();
+        assert_eq!(checks.len(), 2);
+        assert!(checks[0].contains("typeof arg !== \"string\""));
+        assert!(checks[1].contains("ArrayBuffer.isView(arg)"));
+        let unchanged = |line: &&str| !line.contains("throw");
+        assert!(checked.lines().filter(unchanged).eq(script.lines()));
+    }
 
     #[test]
     fn the_npm_package_ships_what_is_built() -> Result<()> {

@@ -132,13 +132,14 @@ pub(super) fn check_frames(
     }
 }
 
+/// Names in a message, the first of many.
 pub(super) fn listed(names: &[String]) -> String {
-    match names {
-        [] => "nothing".to_owned(),
-        _ => names
-            .iter()
-            .map(|n| format!("`{n}`"))
-            .collect::<Vec<_>>()
-            .join(", "),
+    const SHOWN: usize = 12;
+    let mut shown: Vec<String> = names.iter().take(SHOWN).map(|n| format!("`{n}`")).collect();
+    match names.len() {
+        0 => return "nothing".to_owned(),
+        all if all > SHOWN => shown.push(format!("… ({all})")),
+        _ => {}
     }
+    shown.join(", ")
 }

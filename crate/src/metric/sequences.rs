@@ -240,6 +240,9 @@ pub fn bootstrap(
     bootstrap.finish()
 }
 
+/// More resamples than anybody needs; each is kept.
+const MOST_RESAMPLES: usize = 1_000_000;
+
 /// A [`bootstrap`] that can be drawn in steps, for those who have to do something else in between.
 #[derive(Debug, Clone)]
 pub struct Bootstrap {
@@ -275,12 +278,18 @@ impl Bootstrap {
     /// Draws the sequences `resamples` times more; the same `parts` every time.
     ///
     /// # Errors
-    /// When there are fewer than two sequences; as [`Moments::evaluate`].
+    /// When there are fewer than two sequences, or more than a million resamples in all; as
+    /// [`Moments::evaluate`].
     pub fn draw(&mut self, parts: &[Moments], resamples: usize) -> Result<()> {
         if parts.len() < 2 {
             return Err(Error::input(format!(
                 "{resamples} resamples of {} sequences; expected at least 1 of at least 2",
                 parts.len()
+            )));
+        }
+        if resamples > MOST_RESAMPLES - self.capabilities.len().min(MOST_RESAMPLES) {
+            return Err(Error::input(format!(
+                "{resamples} resamples of the sequences; expected at most {MOST_RESAMPLES} in all"
             )));
         }
         for _ in 0..resamples {
