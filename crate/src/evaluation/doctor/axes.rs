@@ -4,7 +4,8 @@
 //! axis, with the axes as they are and in each of the seven other orientations.
 
 use super::blocks::{Blocks, Model, Orientation};
-use super::{Evidence, Finding, Problem, Remedy, Side, Subject};
+use super::finding::{Evidence, Finding, Problem, Remedy, Side};
+use super::subject::Subject;
 use crate::data::{AxisOrder, Flip, Ground, Layout};
 
 /// The share of its variance up to which an object is followed in an orientation.

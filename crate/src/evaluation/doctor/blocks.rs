@@ -3,7 +3,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 
-use super::Subject;
+use super::subject::Subject;
 use crate::data::ranges;
 use crate::track::FrameKey;
 

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::blocks::{Blocks, Comparison};
-use super::{Evidence, Finding, Problem, Remedy, Side, Subject};
+use super::finding::{Evidence, Finding, Problem, Remedy, Side};
+use super::subject::Subject;
 use crate::data::{Alignment, Layout, last_number};
 use crate::track::FrameKey;
 

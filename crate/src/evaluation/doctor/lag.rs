@@ -1,7 +1,8 @@
 //! A constant number of frames between ground truth and keypoints.
 
 use super::blocks::Blocks;
-use super::{Evidence, Finding, Problem, Remedy, Subject};
+use super::finding::{Evidence, Finding, Problem, Remedy};
+use super::subject::Subject;
 
 /// The largest lag that is looked for, in frames.
 const FARTHEST: i64 = 5;

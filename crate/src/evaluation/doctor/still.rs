@@ -2,7 +2,8 @@
 
 use ndarray::Axis;
 
-use super::{Evidence, Finding, Problem, Subject};
+use super::finding::{Evidence, Finding, Problem};
+use super::subject::Subject;
 
 /// The root of the variance up to which an object counts as one that does not move, ndc: a pixel of
 /// an image of 256.

@@ -3,7 +3,8 @@
 use ndarray::{Array3, Axis};
 
 use super::blocks::Blocks;
-use super::{Evidence, Finding, Problem, Remedy, Side, Subject};
+use super::finding::{Evidence, Finding, Problem, Remedy, Side};
+use super::subject::Subject;
 use crate::data::{Ground, Layout, Reading, Space};
 
 /// Fewer coordinates say nothing about their unit.

@@ -2,7 +2,8 @@
 
 use ndarray::{Array3, ArrayView2, Axis};
 
-use super::{Evidence, Finding, Problem, Remedy, Side, Subject};
+use super::finding::{Evidence, Finding, Problem, Remedy, Side};
+use super::subject::Subject;
 use crate::data::{Layout, Space, ranges};
 use crate::track::FrameKey;
 
