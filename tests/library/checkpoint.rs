@@ -592,3 +592,125 @@ fn no_damage_makes_a_reader_panic() {
         _ = read_tensors(&archive(&weights[..at], &[]));
     }
 }
+
+/// A checkpoint's tensors under names with a prefix.
+fn prefixed(checkpoint: &Checkpoint, prefix: &str) -> BTreeMap<String, Tensor> {
+    let named = |(name, tensor): (&String, &Tensor)| (format!("{prefix}{name}"), tensor.clone());
+    checkpoint.tensors.iter().map(named).collect()
+}
+
+#[test]
+fn weights_are_found_below_any_prefix_and_chosen_by_key() {
+    let (one, other) = (tiny("dsae-tiny"), tiny("basic-vel-std-bg-tiny"));
+    for prefix in ["model.", "_orig_mod.module.", "policy.features_extractor."] {
+        let read = Checkpoint::from_bytes(&safetensors(&prefixed(&one, prefix), None));
+        assert_eq!(read.expect(prefix).tensors, one.tensors);
+    }
+    let mut both = prefixed(&one, "actor.");
+    both.extend(prefixed(&other, "critic."));
+    let both = safetensors(&both, None);
+    let error = Checkpoint::from_bytes(&both).expect_err("two").to_string();
+    assert!(
+        error.contains("2 sets of weights") && error.contains("`actor`, `critic`"),
+        "{error}"
+    );
+    let read = Checkpoint::from_bytes_at(&both, Some("critic")).expect("one of them");
+    assert_eq!(read.tensors, other.tensors);
+    assert_eq!(
+        read.metadata["tracklens.weights"],
+        "critic (there are also: actor)"
+    );
+    let none = Checkpoint::from_bytes_at(&both, Some("ema"))
+        .expect_err("none")
+        .to_string();
+    assert!(
+        none.contains("no weights of an SAE under the key `ema`"),
+        "{none}"
+    );
+}
+
+#[test]
+fn a_checkpoint_in_several_files_is_put_together() {
+    let whole = tiny("dsae-tiny");
+    let (mut a, mut b) = (BTreeMap::new(), BTreeMap::new());
+    for (i, (name, tensor)) in whole.tensors.iter().enumerate() {
+        let part = if i % 2 == 0 { &mut a } else { &mut b };
+        part.insert(format!("model.{name}"), tensor.clone());
+    }
+    let shards = [safetensors(&a, None), safetensors(&b, None)];
+    let read = Checkpoint::from_shards(&shards, None).expect("a checkpoint");
+    assert_eq!(read.tensors, whole.tensors);
+    let twice = Checkpoint::from_shards(&[&shards[..], &shards[..1]].concat(), None);
+    assert!(
+        twice
+            .expect_err("twice")
+            .to_string()
+            .contains("is in two of the files")
+    );
+}
+
+#[test]
+fn a_policy_in_an_archive_and_a_file_without_one_are_read() {
+    let whole = tiny("dsae-tiny");
+    let pth = whole.to_bytes(Format::PyTorch).expect("a file");
+    use std::io::Write as _;
+    let mut bytes = Vec::new();
+    let mut zip = rawzip::ZipArchiveWriter::new(&mut bytes);
+    for (name, data) in [("data", &b"{}"[..]), ("policy.pth", &pth[..])] {
+        let (mut entry, config) = zip.new_file(name).start().expect("an entry");
+        let mut writer = config.wrap(&mut entry);
+        writer.write_all(data).expect("written");
+        let (_, descriptor) = writer.finish().expect("written");
+        entry.finish(descriptor).expect("written");
+    }
+    zip.finish().expect("written");
+    let read = Checkpoint::from_bytes(&bytes).expect("a policy");
+    assert_eq!(read.tensors, whole.tensors);
+
+    // As before PyTorch 1.6: pickles one after the other, then every storage with its length.
+    let mut legacy =
+        b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.\x80\x02M\xe9\x03.\x80\x02}.".to_vec();
+    legacy.extend(one_tensor("FloatStorage", b"K\x02\x85", b"K\x01\x85"));
+    legacy.extend(b"\x80\x02]U\x010a.");
+    legacy.extend(2_u64.to_le_bytes());
+    legacy.extend([1.5_f32, -2.0].iter().flat_map(|v| v.to_le_bytes()));
+    let tensors = read_tensors(&legacy).expect("tensors");
+    assert_eq!(tensors["w"].data, [1.5, -2.0]);
+    let cut = read_tensors(&legacy[..legacy.len() - 1])
+        .expect_err("cut")
+        .to_string();
+    assert!(cut.contains("not a complete .pth file"), "{cut}");
+}
+
+#[test]
+fn buffers_that_are_not_needed_are_left_out() {
+    let whole = tiny("dsae-tiny");
+    let mut dtypes = BTreeMap::new();
+    let bytes: Vec<(String, Vec<u8>)> = whole
+        .tensors
+        .iter()
+        .map(|(name, t)| {
+            (
+                name.clone(),
+                t.data.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            )
+        })
+        .chain([("encoder.grid".to_owned(), vec![0; 16])])
+        .collect();
+    for (name, tensor) in &whole.tensors {
+        dtypes.insert(name.clone(), (Dtype::F32, tensor.shape.clone()));
+    }
+    dtypes.insert("encoder.grid".to_owned(), (Dtype::I64, vec![2]));
+    let views = bytes.iter().map(|(name, data)| {
+        let (dtype, shape) = dtypes[name].clone();
+        (
+            name.clone(),
+            TensorView::new(dtype, shape, data).expect("a view"),
+        )
+    });
+    let file = safetensors::serialize(views, None).expect("a file");
+    assert_eq!(
+        Checkpoint::from_bytes(&file).expect("a checkpoint").tensors,
+        whole.tensors
+    );
+}

@@ -25,31 +25,31 @@ pub const PARTS: [Part; 5] = [
         name: "tracklens_scoring",
         feature: "web-scoring",
         profile: "wasm",
-        fast: false,
+        aim: Aim::LeastSize,
     },
     Part {
         name: "tracklens_extraction",
         feature: "web-extraction",
         profile: "wasm",
-        fast: true,
+        aim: Aim::Speed,
     },
     Part {
         name: "tracklens_images",
         feature: "web-images",
         profile: "wasm",
-        fast: true,
+        aim: Aim::Speed,
     },
     Part {
         name: "tracklens_figures",
         feature: "web-figures",
         profile: "wasm",
-        fast: false,
+        aim: Aim::Size,
     },
     Part {
         name: "tracklens_comparison",
         feature: "web-comparison",
         profile: "wasm",
-        fast: false,
+        aim: Aim::Size,
     },
 ];
 
@@ -59,7 +59,7 @@ pub const GPU: Part = Part {
     name: "tracklens_gpu",
     feature: "web-gpu",
     profile: "wasm-gpu",
-    fast: false,
+    aim: Aim::Size,
 };
 
 /// What a build is for.
@@ -79,8 +79,17 @@ pub struct Part {
     feature: &'static str,
     /// Cargo's profile.
     profile: &'static str,
-    /// Whether time counts before size, as for what runs once a pixel.
-    fast: bool,
+    aim: Aim,
+}
+
+/// What the crate's own code is optimised for.
+enum Aim {
+    /// What runs once a pixel.
+    Speed,
+    /// What runs once a point or a figure.
+    Size,
+    /// What every visit to the page waits for.
+    LeastSize,
 }
 
 impl Part {
@@ -94,7 +103,11 @@ impl Part {
 
     /// The crate's own level of optimisation, for cargo; that of dependencies is in the profile.
     fn opt_level(&self) -> String {
-        let level = if self.fast { "3" } else { "\"s\"" };
+        let level = match self.aim {
+            Aim::Speed => "3",
+            Aim::Size => "\"s\"",
+            Aim::LeastSize => "\"z\"",
+        };
         format!(
             "profile.{}.package.tracklens.opt-level={level}",
             self.profile
@@ -133,7 +146,7 @@ const QUICK: Part = Part {
     name: "all of them in one",
     feature: "web",
     profile: "tool",
-    fast: true,
+    aim: Aim::Speed,
 };
 
 /// How the profile of xtask is changed to compile for a browser. What is said of all packages by
@@ -354,7 +367,7 @@ fn generate(
         .generate(folder)
         .with_context(|| format!("wasm-bindgen cannot make bindings for {}", part.name))?;
     let script = folder.join(part.script());
-    let checked = with_checked_arguments(&String::from_utf8(read(&script)?)?);
+    let checked = with_checked_arguments(&without_docs(&String::from_utf8(read(&script)?)?));
     fs::write(&script, checked).with_context(|| format!("cannot write {}", script.display()))?;
     if folder.join("snippets").exists() {
         bail!(
@@ -365,11 +378,11 @@ fn generate(
     if let Some(optimiser) = optimiser {
         let wasm = folder.join(part.wasm());
         let mut command = optimiser.command();
-        match part.fast {
+        match part.aim {
             // What the engine keeps apart has to stay apart: browsers optimise large functions
             // badly.
-            true => command.args(["-O3", "--one-caller-inline-max-function-size=100"]),
-            false => command.arg("-Oz"),
+            Aim::Speed => command.args(["-O3", "--one-caller-inline-max-function-size=100"]),
+            Aim::Size | Aim::LeastSize => command.arg("-Oz"),
         };
         command.args(WASM_OPT);
         run::run(command.arg(&wasm).arg("-o").arg(&wasm))?;
@@ -407,6 +420,19 @@ impl<'a> Stamp<'a> {
         }
         Ok(format!("{:x}", hash.finalize()))
     }
+}
+
+/// The bindings without the docs of their functions, which the file of types has as well.
+fn without_docs(script: &str) -> String {
+    let mut inside = false;
+    let is_code = |line: &&str| {
+        let text = line.trim();
+        let is_doc = inside || text.starts_with("/**");
+        inside = is_doc && !text.ends_with("*/");
+        !is_doc
+    };
+    let lines = script.lines().filter(is_code);
+    lines.map(|line| format!("{line}\n")).collect()
 }
 
 /// The bindings with a check in each function that puts a text or an array into memory: with
@@ -469,6 +495,16 @@ mod tests {
         assert!(checks[1].contains("ArrayBuffer.isView(arg)"));
         let unchanged = |line: &&str| !line.contains("throw");
         assert!(checked.lines().filter(unchanged).eq(script.lines()));
+    }
+
+    #[test]
+    fn docs_are_left_out_of_the_bindings() {
+        let script = "/* @ts-self-types */\n/**\n * Docs.\n */\nexport class A {\n    /** One line. */\n    \
+                      go() {} // on\n}\n";
+        assert_eq!(
+            without_docs(script),
+            "/* @ts-self-types */\nexport class A {\n    go() {} // on\n}\n"
+        );
     }
 
     #[test]

@@ -129,9 +129,7 @@ pub enum EncoderStart {
     Drawn,
     /// Every convolution is a random orthogonal 1 x 1 one in the middle of its kernel, which sees
     /// the colour of one pixel, whitened as for [`ColorError::Whitened`], and nothing around it
-    /// ([`pointwise_encoder`]).
-    ///
-    /// [`pointwise_encoder`]: crate::model::pointwise_encoder
+    /// (`model::pointwise_encoder`).
     Pointwise,
 }
 

@@ -102,8 +102,6 @@ fn reasons_to_js(notices: &[Notice]) -> JsResult<JsValue> {
 #[wasm_bindgen]
 pub struct GroundTruthTable {
     pub(super) name: String,
-    /// Of the images, where it was said.
-    pub(super) image_size: Option<[u32; 2]>,
     pub(super) table: Parsed<GroundTruth>,
 }
 
@@ -123,11 +121,7 @@ impl GroundTruthTable {
     pub fn parse(bytes: &[u8], name: String, options: JsValue) -> JsResult<GroundTruthTable> {
         let options = table_options(options, "GroundTruthTable.parse")?;
         let table = data::parse_ground_truth(bytes, &name, &options).map_err(|e| js_error(&e))?;
-        Ok(Self {
-            name,
-            image_size: options.image_size,
-            table,
-        })
+        Ok(Self { name, table })
     }
 
     /// The name of the file.
