@@ -77,7 +77,8 @@ impl std::fmt::Display for Format {
 }
 
 /// The tensors of a file of any [`Format`], whatever network they belong to, as f32. Counters and
-/// other tensors that are no floating-point numbers are left out, and so is the prefix that a wrapper such as `DataParallel` puts before every name.
+/// other tensors that are no floating-point numbers are left out, and so is the prefix that a
+/// wrapper such as `DataParallel` puts before every name.
 ///
 /// # Errors
 /// When the file is of another format, damaged, or holds a tensor that cannot be represented.
@@ -110,7 +111,11 @@ pub(super) fn read(bytes: &[u8], key: Option<&str>) -> Result<Contents> {
 fn read_wanted(bytes: &[u8], wanted: Wanted) -> Result<Contents> {
     match Format::of(bytes) {
         Some(Format::Safetensors) => safetensors::read(bytes, wanted),
-        Some(Format::PyTorch) => pytorch::read(bytes, wanted),
+        // The policy in an archive begins like a checkpoint of its own, soon after the archive does.
+        Some(Format::PyTorch) => match pytorch::read_policy(bytes, wanted)? {
+            Some(policy) => Ok(policy),
+            None => pytorch::read(bytes, wanted),
+        },
         Some(Format::Burnpack) => burnpack::read(bytes, wanted),
         None => pytorch::read_policy(bytes, wanted)?.ok_or_else(|| unknown(bytes)),
     }
