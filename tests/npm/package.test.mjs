@@ -95,7 +95,7 @@ test("a checkpoint of the authors' code is read as it is", async () => {
   const wrong = (bytes, message) =>
     assert.throws(() => new tracklens.Encoder(bytes, "w.pth"), (error) => error.kind === "input" && message.test(error.message));
   wrong(bytes.subarray(0, 30000), /w\.pth: not a complete \.pth file \(30000 bytes/);
-  wrong(new Uint8Array([0x80, 2, 0x8a, 10]), /which PyTorch wrote before 1\.6/);
+  wrong(new Uint8Array([0x80, 2, 0x8a, 10]), /w\.pth: a pickle that torch\.save did not write/);
 });
 
 test("a keypoint table survives the way through CSV", async () => {
@@ -365,6 +365,8 @@ test("what the numbers of a table are taken for is told with its ground", () => 
     space: { value: "ndc", by: "guess" },
     axisOrder: { value: "xy", by: "file" },
     indexBase: { value: 1, by: "said" },
+    flip: { value: "none", by: "guess" },
+    zeroIsMissing: { value: false, by: "guess" },
   });
 });
 
