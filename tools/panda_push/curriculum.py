@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import shutil
 import struct
 import subprocess
 import sys
@@ -147,7 +148,8 @@ def read_truth(folder: Path) -> dict[int, dict[int, Rows]]:
 
 
 def assemble(stage: Stage, folders: dict[str, Path], training: set[str], out: Path) -> None:
-    """Writes the data folder of a stage; frames are links."""
+    """Writes the data folder of a stage. Frames are copies: tracklens reads a file once, however
+    many links lead to it."""
     count = 0
     out.mkdir()
     with open(out / "ground_truth.csv", "w", encoding="utf-8", newline="") as file:
@@ -159,7 +161,7 @@ def assemble(stage: Stage, folders: dict[str, Path], training: set[str], out: Pa
             folder = out / f"seq_{count:05}"
             folder.mkdir()
             for t, (frame, rows) in enumerate(frames):
-                (folder / f"frame_{t:03}.png").symlink_to(source / f"frame_{frame:03}.png")
+                shutil.copyfile(source / f"frame_{frame:03}.png", folder / f"frame_{t:03}.png")
                 table.writerows([count, t, *row] for row in rows)
             count += 1
 
