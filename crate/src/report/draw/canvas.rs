@@ -6,6 +6,7 @@
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
+use plotters::element::PathElement;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, IntoFont, RGBColor, TextStyle};
 use serde::{Deserialize, Serialize};
@@ -170,4 +171,26 @@ pub(in crate::report) fn ink_on(color: RGBColor) -> RGBColor {
     } else {
         RGBColor(255, 255, 255)
     }
+}
+
+/// Which line is which, above a plot, from `left` on.
+pub(in crate::report) fn legend(
+    area: &Area<'_>,
+    theme: &Theme,
+    mut left: i32,
+    lines: &[(&str, RGBColor)],
+) -> Done {
+    let em = theme.em();
+    for (label, color) in lines {
+        area.draw(&PathElement::new(
+            vec![(left, em), (left + 2 * em, em)],
+            color.stroke_width(2),
+        ))?;
+        let style = theme
+            .text(theme.foreground)
+            .pos(anchored(HPos::Left, VPos::Center));
+        area.draw_text(label, &style, (left + 5 * em / 2, em))?;
+        left += 4 * em + width_of(label, em);
+    }
+    Ok(())
 }

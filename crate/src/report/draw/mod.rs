@@ -9,7 +9,9 @@ mod measured;
 
 use std::collections::BTreeSet;
 
-pub(super) use canvas::{Area, Done, anchored, canvas, fitted, ink_on, place, short, width_of};
+pub(super) use canvas::{
+    Area, Done, anchored, canvas, fitted, ink_on, legend, place, short, width_of,
+};
 pub use canvas::{Drawn, Theme};
 pub(super) use decades::{Decades, above, below, power, tick};
 pub(super) use document::{document, figure};

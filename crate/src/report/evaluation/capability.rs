@@ -9,7 +9,7 @@ use plotters::style::{Color as _, RGBColor, ShapeStyle};
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::{
-    Area, Decades, Done, Drawn, Theme, anchored, canvas, place, tick, width_of,
+    Area, Decades, Done, Drawn, Theme, anchored, canvas, legend, place, tick, width_of,
 };
 
 /// Factors below are drawn here.
@@ -99,7 +99,11 @@ pub fn capability(
             label(area, theme, name, chart.backend_coord(&at), placed.0.start)?;
         }
         if !held_out.is_empty() {
-            legend(area, theme, placed.0.start)?;
+            let lines = [
+                ("same frames", theme.good.rgb()),
+                ("held-out folds (dashed)", theme.bad.rgb()),
+            ];
+            legend(area, theme, placed.0.start, &lines)?;
         }
         area.draw(&PathElement::new(
             vec![(placed.0.start, placed.1.end), (placed.0.end, placed.1.end)],
@@ -121,26 +125,6 @@ fn label(area: &Area<'_>, theme: &Theme, name: &str, (x, y): (i32, i32), start: 
         .text(theme.foreground)
         .pos(anchored(side, VPos::Center));
     area.draw_text(name, &style, (x, y))
-}
-
-/// Which line is which, above the plot, from `left` on.
-fn legend(area: &Area<'_>, theme: &Theme, mut left: i32) -> Done {
-    let em = theme.em();
-    for (label, color) in [
-        ("same frames", theme.good.rgb()),
-        ("held-out folds (dashed)", theme.bad.rgb()),
-    ] {
-        area.draw(&PathElement::new(
-            vec![(left, em), (left + 2 * em, em)],
-            color.stroke_width(2),
-        ))?;
-        let style = theme
-            .text(theme.foreground)
-            .pos(anchored(HPos::Left, VPos::Center));
-        area.draw_text(label, &style, (left + 5 * em / 2, em))?;
-        left += 4 * em + width_of(label, em);
-    }
-    Ok(())
 }
 
 /// Errors divided by thresholds, the smallest first; without objects that have no error.

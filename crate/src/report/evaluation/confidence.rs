@@ -3,12 +3,11 @@
 use plotters::chart::ChartBuilder;
 use plotters::element::{Circle, PathElement};
 use plotters::series::{DashedLineSeries, LineSeries};
-use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
 use crate::error::{Error, Result};
 use crate::evaluation::EvaluationReport;
-use crate::report::draw::{Drawn, Theme, anchored, canvas, place, short, width_of};
+use crate::report::draw::{Drawn, Theme, canvas, legend, place, short};
 
 /// Confidences beyond are drawn here.
 const FAR: f64 = 1e100;
@@ -80,18 +79,8 @@ pub fn confidence(report: &EvaluationReport, theme: &Theme, width: u32) -> Resul
             )])?;
         }
         let placed = chart.plotting_area().get_pixel_range();
-        let mut left = placed.0.start;
-        for (label, color) in [("TC", good), ("keypoints left (dashed)", muted)] {
-            area.draw(&PathElement::new(
-                vec![(left, em), (left + 2 * em, em)],
-                color.stroke_width(2),
-            ))?;
-            let style = theme
-                .text(theme.foreground)
-                .pos(anchored(HPos::Left, VPos::Center));
-            area.draw_text(label, &style, (left + 5 * em / 2, em))?;
-            left += 4 * em + width_of(label, em);
-        }
+        let lines = [("TC", good), ("keypoints left (dashed)", muted)];
+        legend(area, theme, placed.0.start, &lines)?;
         Ok((place(placed), [low, high], [0.0, 1.0]))
     })
 }
