@@ -12,7 +12,7 @@ import { contextView } from "./context.js";
 import { exportView } from "./export.js";
 import { matrixView } from "./matrix.js";
 import { objectTable } from "./object-table.js";
-import { sequencesView } from "./sequences.js";
+import { SequencesView } from "./sequences.js";
 import { setAvailable } from "../ui/tabs.js";
 import { summaryView, tally, tcText } from "./summary.js";
 import { trajectoriesView } from "../viewer/trajectories.js";
@@ -65,7 +65,7 @@ export function showResults(session) {
     cards = objectViews(session);
     matrix = matrixView(session);
     const capability = capabilityView(session);
-    sequences = sequencesView(session);
+    sequences = new SequencesView(session);
     trajectories = session.score.scoring ? trajectoriesView(session) : null;
     const confidence = confidenceView(session);
     const context = contextView(session);

@@ -16,130 +16,150 @@ import { figureView } from "./figure.js";
 
 const SHOWN = 6;
 
-/** @param {Session} session */
-export function sequencesView(session) {
+export class SequencesView {
+  #session;
   /** @type {SequenceError[]} */
-  let errors = [];
-  /** What `errors` are of. */
-  let key = "";
-  let threshold = 0;
-
-  const title = h("h3", { id: "sequences-title" });
-  const objects = h("select", {
+  #errors = [];
+  /** What the errors are of. */
+  #key = "";
+  #threshold = 0;
+  #title = h("h3", { id: "sequences-title" });
+  #hint = h("p", { class: "hint-line" });
+  #objects = h("select", {
     "aria-label": "Object",
     id: "sequences-object",
-    onchange: () => session.score.select({ object: objects.selectedIndex }),
+    onchange: () => this.#session.score.select({ object: this.#objects.selectedIndex }),
   });
-  const sequenceList = h("ol", { class: "worst", id: "worst-sequences" });
-  const frameList = h("ol", { class: "worst", id: "worst-frames" });
-  const sequencePart = h("div", {}, h("h4", {}, "Worst sequences"), sequenceList);
-  const figure = figureView({
+  #sequenceList = h("ol", { class: "worst", id: "worst-sequences" });
+  #frameList = h("ol", { class: "worst", id: "worst-frames" });
+  #sequencePart = h("div", {}, h("h4", {}, "Worst sequences"), this.#sequenceList);
+  #figure = figureView({
     id: "sequences",
     label: "Error of the object in each sequence, the worst one first",
-    draw: (theme, width) => {
-      if (errors.length < 2) return null;
-      const { frame } = session.score.selection;
-      const selected = errors.findIndex(
-        ({ start, length }) => frame >= start && frame < start + length,
-      );
-      const marked = theme && selected >= 0 ? selected : undefined;
-      return sequencesFigure(
-        Float64Array.from(errors, ({ error }) => error),
-        threshold,
-        marked,
-        theme,
-        width,
-      );
-    },
+    draw: (theme, width) => this.#draw(theme, width),
   });
-  const under = (/** @type {MouseEvent} */ event) => {
-    const drawn = figure.drawing();
+
+  /** @param {Session} session */
+  constructor(session) {
+    this.#session = session;
+    this.#listenToPointer();
+    const frames = session.score.scoring ? "Worst frames" : "Their worst frames";
+    this.element = h(
+      "section",
+      { class: "panel", "aria-labelledby": "sequences-title" },
+      h("div", { class: "panel-head" }, this.#title, this.#objects),
+      this.#hint,
+      this.#figure.element,
+      h(
+        "div",
+        { class: "worst-lists" },
+        this.#sequencePart,
+        h("div", {}, h("h4", {}, frames), this.#frameList),
+      ),
+    );
+  }
+
+  update() {
+    const { score } = this.#session;
+    const { object } = score.selection;
+    const keypoint = score.keypointOf(object);
+    const result = score.evaluation?.objects[object];
+    const isKnown = score.scoring !== null || score.saved?.evaluation.sequences !== undefined;
+    this.element.hidden = !isKnown || keypoint === null || !result;
+    if (!isKnown || keypoint === null || !result) {
+      this.#key = "";
+      return;
+    }
+    const options = score.objects.map((name, k) => h("option", { selected: k === object }, name));
+    fill(this.#objects, ...options);
+    this.#objects.hidden = score.objects.length < 2;
+    this.#title.textContent = `Where the error of ${result.name} comes from`;
+    this.#threshold = result.threshold;
+    const key = `${object} ${keypoint} ${score.options.transform} ${score.options.rank}`;
+    if (key !== this.#key) {
+      this.#key = key;
+      this.#list(object, keypoint);
+    }
+    this.#figure.update();
+  }
+
+  /**
+   * The worst sequences and frames of an object with a keypoint.
+   * @param {number} object
+   * @param {number} keypoint
+   */
+  #list(object, keypoint) {
+    const session = this.#session;
+    const { score } = session;
+    const errors = score.errorsBySequence(object, keypoint);
+    const frames = score.worstFrames(object, keypoint, SHOWN);
+    this.#errors = errors;
+    fill(
+      this.#sequenceList,
+      ...errors.slice(0, SHOWN).map((worst) => sequenceItem(session, worst)),
+    );
+    fill(this.#frameList, ...frames.map((worst) => frameItem(session, worst)));
+    this.#sequencePart.hidden = errors.length < 2;
+    this.#hint.textContent =
+      errors.length < 2
+        ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
+        : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one ` +
+          "first; dashed: the threshold. " +
+          (score.scoring ? "Choose one to see its worst frame." : "");
+  }
+
+  /**
+   * @param {import("../pkg/index.js").Theme | undefined} theme
+   * @param {number} width
+   */
+  #draw(theme, width) {
+    const errors = this.#errors;
+    if (errors.length < 2) return null;
+    const { frame } = this.#session.score.selection;
+    const selected = errors.findIndex(
+      ({ start, length }) => frame >= start && frame < start + length,
+    );
+    const marked = theme && selected >= 0 ? selected : undefined;
+    const bars = Float64Array.from(errors, ({ error }) => error);
+    return sequencesFigure(bars, this.#threshold, marked, theme, width);
+  }
+
+  #listenToPointer() {
+    const { layer, showTip } = this.#figure;
+    const { score } = this.#session;
+    layer.addEventListener("pointermove", (event) => {
+      const found = this.#under(event);
+      layer.dataset.active = String(found !== null && score.scoring !== null);
+      if (!found) {
+        showTip(null);
+        return;
+      }
+      const { sequence, error } = found.worst;
+      showTip(`${sequence}: error ${significant(error)}`, found.x, found.y);
+    });
+    layer.addEventListener("pointerleave", () => showTip(null));
+    layer.addEventListener("click", (event) => {
+      const found = this.#under(event);
+      if (found && score.scoring) show(this.#session, found.worst.worst);
+    });
+  }
+
+  /**
+   * The sequence whose bar is under a pointer, and where the bar ends.
+   * @param {MouseEvent} event
+   */
+  #under(event) {
+    const drawn = this.#figure.drawing();
+    const errors = this.#errors;
     if (!drawn) return null;
     const [left, top, width, height] = drawn.plot;
-    const box = figure.layer.getBoundingClientRect();
+    const box = this.#figure.layer.getBoundingClientRect();
     const position = Math.floor(((event.clientX - box.left - left) / width) * errors.length);
     if (!errors[position]) return null;
     const share = Math.log(errors[position].error / drawn.y[0]) / Math.log(drawn.y[1] / drawn.y[0]);
     const x = left + ((position + 0.5) / errors.length) * width;
     return { worst: errors[position], x, y: top + (1 - Math.min(1, Math.max(0, share))) * height };
-  };
-  figure.layer.addEventListener("pointermove", (event) => {
-    const found = under(event);
-    figure.layer.dataset.active = String(found !== null && session.score.scoring !== null);
-    if (found)
-      figure.showTip(
-        `${found.worst.sequence}: error ${significant(found.worst.error)}`,
-        found.x,
-        found.y,
-      );
-    else figure.showTip(null);
-  });
-  figure.layer.addEventListener("pointerleave", () => figure.showTip(null));
-  figure.layer.addEventListener("click", (event) => {
-    const found = under(event);
-    if (found && session.score.scoring) show(session, found.worst.worst);
-  });
-
-  const update = () => {
-    const { object } = session.score.selection;
-    const keypoint = session.score.keypointOf(object);
-    const result = session.score.evaluation?.objects[object];
-    const isKnown =
-      session.score.scoring !== null || session.score.saved?.evaluation.sequences !== undefined;
-    element.hidden = !isKnown || keypoint === null || !result;
-    if (!isKnown || keypoint === null || !result) {
-      key = "";
-      return;
-    }
-    fill(
-      objects,
-      ...session.score.objects.map((name, k) => h("option", { selected: k === object }, name)),
-    );
-    objects.hidden = session.score.objects.length < 2;
-    title.textContent = `Where the error of ${result.name} comes from`;
-    threshold = result.threshold;
-    const now =
-      `${object} ${keypoint} ${session.score.options.transform} ` + `${session.score.options.rank}`;
-    if (now !== key) {
-      key = now;
-      errors = session.score.errorsBySequence(object, keypoint);
-      fill(sequenceList, ...errors.slice(0, SHOWN).map((worst) => sequenceItem(session, worst)));
-      fill(
-        frameList,
-        ...session.score
-          .worstFrames(object, keypoint, SHOWN)
-          .map((worst) => frameItem(session, worst)),
-      );
-      sequencePart.hidden = errors.length < 2;
-      hint.textContent =
-        errors.length < 2
-          ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
-          : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one ` +
-            "first; dashed: the threshold. " +
-            (session.score.scoring ? "Choose one to see its worst frame." : "");
-    }
-    figure.update();
-  };
-  const hint = h("p", { class: "hint-line" });
-  const element = h(
-    "section",
-    { class: "panel", "aria-labelledby": "sequences-title" },
-    h("div", { class: "panel-head" }, title, objects),
-    hint,
-    figure.element,
-    h(
-      "div",
-      { class: "worst-lists" },
-      sequencePart,
-      h(
-        "div",
-        {},
-        h("h4", {}, session.score.scoring ? "Worst frames" : "Their worst frames"),
-        frameList,
-      ),
-    ),
-  );
-  return { element, update, reset: () => (key = "") };
+  }
 }
 
 /**

@@ -1,6 +1,8 @@
 // @ts-check
 /** The part of the time axis that the plots show. */
 
+/** What a press of a button or a turn of the wheel zooms by. */
+export const ZOOM = 1.5;
 /** Fewer positions than these are not shown. */
 const LEAST = 5;
 

@@ -11,7 +11,7 @@ import { liveliest } from "./liveliest.js";
 import { TRAILS, keepLook, loadLook } from "./look.js";
 import { pickers } from "./pickers.js";
 import { plots } from "./plots.js";
-import { sequenceList } from "./sequences.js";
+import { SequenceList } from "./sequences.js";
 import { Stage } from "./stage.js";
 import { transport } from "./transport.js";
 
@@ -44,7 +44,7 @@ export function showViewer(session) {
     () => keepLook(look),
   );
   const { player } = moving;
-  const sequences = sequenceList(session, (range) => player.show(range));
+  const sequences = new SequenceList(session, (range) => player.show(range));
   const picking = pickers(session);
   const redraw = () => {
     keepLook(look);
