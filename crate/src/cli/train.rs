@@ -90,9 +90,9 @@ pub(super) struct TrainArguments {
     /// `bilinear-antialias`
     #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
     target_filter: TargetFilter,
-    /// How colours are compared: `plain`, the mean squared error of the paper, or `whitened`, by the
+    /// How colours are compared: `plain`, the mean squared error of the paper, `whitened`, by the
     /// covariance of the colours that move, in which small coloured objects count as much as large
-    /// grey ones
+    /// grey ones, or `half-whitened`, between the two
     #[arg(long, value_name = "ERROR", default_value = "plain", value_parser = named::<ColorError>)]
     color_error: ColorError,
     /// What the background of -bg starts from: `zero`, as in the paper, or the `mean` of the

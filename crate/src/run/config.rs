@@ -144,6 +144,9 @@ pub enum ColorError {
     /// targets have beyond their mean image, scaled so that the mean image has the same error as
     /// with `Plain`. Large grey objects and their shading no longer outweigh small coloured ones.
     Whitened,
+    /// Half of that: the inverse square root of the covariance in place of its inverse, in which an
+    /// arm counts more than small objects, and small objects more than with `Plain`.
+    HalfWhitened,
 }
 
 impl ColorError {

@@ -169,7 +169,7 @@ fn starts_pointwise(config: &TrainConfig, goes_on: bool) -> bool {
 }
 
 fn moments_used(config: &TrainConfig, goes_on: bool) -> bool {
-    config.color_error == ColorError::Whitened
+    config.color_error != ColorError::Plain
         || starts_at_mean(config, goes_on)
         || starts_pointwise(config, goes_on)
 }
@@ -203,12 +203,14 @@ fn trainer(
     }
     .with_velocity_weight(config.velocity_weight)
     .with_encoder_learning_rate(config.encoder_learning_rate);
-    match moments {
-        Some(moments) if config.color_error == ColorError::Whitened => {
-            Ok(trainer.with_color_transform(moments.whitening()?))
-        }
-        _ => Ok(trainer),
-    }
+    let Some(moments) = moments else {
+        return Ok(trainer);
+    };
+    Ok(match config.color_error {
+        ColorError::Plain => trainer,
+        ColorError::Whitened => trainer.with_color_transform(moments.whitening()?),
+        ColorError::HalfWhitened => trainer.with_color_transform(moments.half_whitening()?),
+    })
 }
 
 /// A training at work.
