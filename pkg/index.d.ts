@@ -18,7 +18,7 @@
  * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `figures` and
  * `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "extraction" | "images" | "figures" | "comparison";
+export type Part = "scoring" | "doctor" | "extraction" | "images" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -40,6 +40,8 @@ export function compile(part: Part): Promise<WebAssembly.Module>;
  * - `looksLikeNdc`: all coordinates read as pixels lie in the first corner; `space: "ndc"` reads them as they are.
  * - `looksLikeFractions`: no coordinate is negative, as in a unit from 0 to 1.
  * - `lostPoints`: `points` of them lie at exactly (0, 0) with the least confidence; {@link MinConfidence} hides them.
+ * - `otherNumbers`: no frame has a row, and most have one when this is added to the numbers of the rows ({@link Alignment}).
+ * - `keypointsFromOne`: the keypoints of a table count from 1; `firstKeypoint: 1` reads them.
  * - `assumedAxisOrder`: the file does not say the order of the coordinates; `axisOrder` does.
  */
 export type Reason =
@@ -50,6 +52,8 @@ export type Reason =
   | { type: "looksLikeNdc" }
   | { type: "looksLikeFractions" }
   | { type: "lostPoints"; points: number }
+  | { type: "otherNumbers"; frames: number; sequences: number }
+  | { type: "keypointsFromOne" }
   | { type: "assumedAxisOrder" };
 
 /** The version of the package. */
@@ -83,11 +87,17 @@ export interface SequenceRange {
 /** What a person knows about a table and the file does not say. */
 export interface TableOptions {
   /** The unit of the positions; default: `px` for DeepLabCut and COCO, otherwise `ndc`. */
-  space?: "ndc" | "px";
+  space?: "ndc" | "px" | "fraction";
   /** Default: `xy`. */
   axisOrder?: "xy" | "yx";
   /** The number of the first frame (and keypoint, with one row a point); default: 0. */
   indexBase?: number;
+  /** The number of the first keypoint, with one row a point; default: that of the first frame. */
+  firstKeypoint?: number;
+  /** The axes that run the other way, as where y points up; default: `none`. */
+  flip?: "none" | "x" | "y" | "xy";
+  /** Whether positions of exactly (0, 0) mean that the point was not found; default: no. */
+  zeroIsMissing?: boolean;
   /** `[width, height]`; needed for positions in pixels, but for COCO files, which have it. */
   imageSize?: [number, number];
 }
@@ -102,9 +112,13 @@ export interface Known<T> {
 export interface Reading {
   /** In words, e.g. `one row a point`, `DeepLabCut`. */
   layout: string;
-  space: Known<"ndc" | "px">;
+  space: Known<"ndc" | "px" | "fraction">;
   axisOrder: Known<"xy" | "yx">;
   indexBase: Known<number>;
+  /** The number of the first keypoint in a table with one row a point. */
+  firstKeypoint: number;
+  flip: Known<"none" | "x" | "y" | "xy">;
+  zeroIsMissing: Known<boolean>;
 }
 
 /** Ground truth: table `sequence,frame,object,x,y` (tidy CSV, ndc; empty x and y = not visible). */
@@ -119,6 +133,7 @@ export class GroundTruthTable {
   /** Whether positions say how sure they are: `likelihood`, `score`, `confidence`, `visible`, COCO's v. */
   readonly hasConfidence: boolean;
   readonly reading: Reading;
+  toObject(): TableObject;
   /** What a person should know of how the table was read, e.g. a semicolon as separator. */
   readonly notices: string[];
   /** The reasons behind those notices that have a remedy. */
@@ -140,6 +155,7 @@ export class KeypointTable {
   /** Whether keypoints say how sure they are. */
   readonly hasConfidence: boolean;
   readonly reading: Reading;
+  toObject(): TableObject;
   readonly notices: string[];
   readonly reasons: Reason[];
   /** The table as CSV, as `tracklens extract` writes it. */
@@ -237,8 +253,49 @@ export interface UnmatchedSequence {
   frames: string;
 }
 
+/** What is added to the numbers of the rows before they are matched; default: 0. */
+export interface Alignment {
+  frames: number;
+  /** To the numbers in the names of sequences, which then match by number only. */
+  sequences: number;
+}
+
 /** Joins frames to the rows of a ground truth without scoring. Throws when nothing matches. */
-export function joinFrames(frames: FrameIndex, truth: GroundTruthTable): JoinReport;
+export function joinFrames(frames: FrameIndex, truth: GroundTruthTable, alignment?: Partial<Alignment>): JoinReport;
+
+/** What would put something right that looks wrong; new types may be added. */
+export type Remedy =
+  | { type: "unit"; side: "truth" | "keypoints"; space: "ndc" | "px" | "fraction" }
+  | { type: "count-from"; side: "truth" | "keypoints"; first: number; first_keypoint?: number }
+  | { type: "shift-frames"; by: number }
+  | { type: "shift-sequences"; by: number }
+  | { type: "axes"; side: "truth" | "keypoints"; order: "xy" | "yx"; flip: "none" | "x" | "y" | "xy" }
+  | { type: "zero-is-missing"; side: "truth" | "keypoints" };
+
+/** Something that looks wrong with the data; nothing is changed. */
+export interface Finding {
+  problem: "unit" | "counting" | "first-rows" | "lag" | "axes" | "zeros" | "still";
+  /** In words. */
+  text: string;
+  /** `before` and `after`: the error on held-out frames as things are, and with the first remedy. */
+  evidence: { before?: number; after?: number; count: number; of: number };
+  /** The likeliest first; none where nothing can be done about it here. */
+  remedies: Remedy[];
+}
+
+/** A table as a plain object, for {@link examine}. */
+export type TableObject = { readonly head: object };
+
+/**
+ * What looks wrong with two tables that are joined like this, the worst first. Of the part
+ * `doctor`. Evaluations of the terminal have it as `findings`.
+ */
+export function examine(
+  truth: TableObject,
+  keypoints: TableObject,
+  minConfidence?: MinConfidence,
+  alignment?: Partial<Alignment>,
+): Finding[];
 
 /** What a checkpoint holds. */
 export interface EncoderInfo {
@@ -446,6 +503,8 @@ export interface Evaluation {
   /** Per object, the error of every keypoint. */
   errors: (number | null)[][];
   warnings: string[];
+  /** What looked wrong with the data; missing where nothing did, or nobody called `examine`. */
+  findings?: Finding[];
   image_size?: [number, number];
   join?: {
     matched: number;
@@ -559,6 +618,7 @@ export class Scoring {
     keypoints: KeypointTable,
     onNonFinite?: "exclude-point" | "error" | "exclude-frame",
     minConfidence?: MinConfidence,
+    alignment?: Partial<Alignment>,
   );
   readonly join: JoinReport;
   /** The number of joined frames T. */

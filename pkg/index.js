@@ -18,6 +18,7 @@ export default initBy(compile);
 
 export { needsDecoding } from "./parts.js";
 export * from "./tracklens_scoring.js";
+export * from "./tracklens_doctor.js";
 export * from "./tracklens_extraction.js";
 export * from "./tracklens_images.js";
 export * from "./tracklens_figures.js";

@@ -1,12 +1,13 @@
 // The parts of the package, each a WebAssembly file of its own that is loaded once, when it is
 // asked for.
 import comparison from "./tracklens_comparison.js";
+import doctor from "./tracklens_doctor.js";
 import extraction from "./tracklens_extraction.js";
 import figures from "./tracklens_figures.js";
 import images from "./tracklens_images.js";
 import scoring from "./tracklens_scoring.js";
 
-const LOADERS = { scoring, extraction, images, figures, comparison };
+const LOADERS = { scoring, doctor, extraction, images, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {

@@ -42,7 +42,7 @@ export function previewOf(session, made) {
  * @param {FrameIndex} frames
  * @param {{ free(): void }[]} made
  */
-function scoringOf({ truth, frameSources, extraction, encoder }, frames, made) {
+function scoringOf({ truth, alignment, frameSources, extraction, encoder }, frames, made) {
   if (!truth) return null;
   const isStarted = extraction !== null && extraction.extracted.size > 0 && encoder !== null;
   const keypoints = isStarted ? encoder.info.keypoints : 1;
@@ -54,7 +54,7 @@ function scoringOf({ truth, frameSources, extraction, encoder }, frames, made) {
   try {
     const table = KeypointTable.fromExtraction(frames, points, keypoints);
     made.push(table);
-    const scoring = new Scoring(truth, table);
+    const scoring = new Scoring(truth, table, undefined, undefined, alignment);
     made.push(scoring);
     return scoring;
   } catch {
@@ -68,14 +68,14 @@ function scoringOf({ truth, frameSources, extraction, encoder }, frames, made) {
  * @param {Session} session
  * @param {{ free(): void }[]} made gets what is to be given back
  */
-export function judgeOf({ truth, frames, frameSources, extraction }, made) {
+export function judgeOf({ truth, alignment, frames, frameSources, extraction }, made) {
   if (!truth || !frames || !extraction?.extracted.size) return null;
   const found = extraction.collect(frames, frameSources);
   if (!found) return null;
   if (found.selected) made.push(found.selected);
   made.push(found.table);
   try {
-    const scoring = new Scoring(truth, found.table);
+    const scoring = new Scoring(truth, found.table, undefined, undefined, alignment);
     made.push(scoring);
     return scoring;
   } catch {

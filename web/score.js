@@ -15,6 +15,7 @@ import { load, store } from "./settings.js";
  * @typedef {import("./files/saved.js").SavedEvaluation} SavedEvaluation
  * @typedef {import("./pkg/index.js").CommandInputs} CommandInputs
  * @typedef {import("./pkg/index.js").Evaluation} Evaluation
+ * @typedef {import("./pkg/index.js").Finding} Finding
  * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
  * @typedef {import("./pkg/index.js").Scoring} Scoring
@@ -65,6 +66,8 @@ export class Score extends EventTarget {
   #remembers;
   /** @type {CommandInputs | null} */
   #inputs = null;
+  /** @type {Finding[]} */
+  #findings = [];
   /**
    * Keypoints the user looks at in place of the best ones, by object.
    * @type {Map<number, number>}
@@ -89,9 +92,11 @@ export class Score extends EventTarget {
    * Scores other points.
    * @param {Points} points
    * @param {CommandInputs | null} inputs the files, as a command names them
+   * @param {Finding[]} findings what looks wrong with the data
    */
-  show(points, inputs) {
+  show(points, inputs, findings) {
     this.preview = null;
+    this.#findings = findings;
     this.provisional = null;
     this.points = points;
     this.#inputs = inputs;
@@ -246,7 +251,12 @@ export class Score extends EventTarget {
     const evaluation = this.scoring.evaluate(options);
     if (this.intervals) evaluation.intervals = this.intervals;
     const command = this.#commandWith({ sequences: true, context: true });
-    return { ...evaluation, ...(command ? { command } : {}) };
+    return this.#withFindings({ ...evaluation, ...(command ? { command } : {}) });
+  }
+
+  /** @param {Evaluation} evaluation */
+  #withFindings(evaluation) {
+    return this.#findings.length > 0 ? { ...evaluation, findings: this.#findings } : evaluation;
   }
 
   /** Other metrics of the same frames; takes a while. */
@@ -480,7 +490,7 @@ export class Score extends EventTarget {
     if (!this.scoring) return;
     this.points?.forgetSeries();
     try {
-      this.evaluation = this.scoring.evaluate(this.#scoreOptions());
+      this.evaluation = this.#withFindings(this.scoring.evaluate(this.#scoreOptions()));
       this.#learnDefaults(this.evaluation);
       const [failed, undrawn] = ["evaluation", "intervals"].map((key) =>
         this.#problems.delete(key),

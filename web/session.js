@@ -4,14 +4,15 @@
  * `files`, `reading` and `extraction`; those of its score come from the score.
  */
 
-import { FrameIndex, KeypointTable, Scoring, joinFrames } from "./pkg/index.js";
+import init, { FrameIndex, KeypointTable, Scoring, examine, joinFrames } from "./pkg/index.js";
 import { messageOf } from "./errors.js";
 import { commandInputs } from "./files/command.js";
 import { contentOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
 import { decodeImage } from "./files/image-cache.js";
 import { identify } from "./files/intake.js";
 import { Library } from "./files/library.js";
-import { Problems, askForReading } from "./files/problems.js";
+import { Problems, askForReading, readingKey } from "./files/problems.js";
+import { applyRemedy, labelOf, remedyOf } from "./files/remedies.js";
 import { REPLAY, readReplay } from "./files/replay.js";
 import { repeatedText, replacedText, severalText, uselessText } from "./files/texts.js";
 import { Points } from "./points.js";
@@ -26,9 +27,11 @@ import { count } from "./ui/format.js";
  * @typedef {import("./files/intake.js").Container} Container
  * @typedef {import("./files/intake.js").Found} Found
  * @typedef {import("./files/sources.js").Source} Source
+ * @typedef {import("./pkg/index.js").Finding} Finding
  * @typedef {import("./pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("./pkg/index.js").JoinReport} JoinReport
  * @typedef {import("./pkg/index.js").MinConfidence} MinConfidence
+ * @typedef {import("./pkg/index.js").Remedy} Remedy
  * @typedef {import("./pkg/index.js").SequenceRange} SequenceRange
  *
  * Fetches files that come with the page.
@@ -91,6 +94,12 @@ export class Session extends EventTarget {
   replay = null;
   /** @type {JoinReport | null} */
   join = null;
+  /** What looks wrong and is to be answered before there is a score. @type {Finding[]} */
+  questions = [];
+  /** Whether the part that looks at the data is there. */
+  #hasDoctor = false;
+  /** Questions that were answered, in their words. @type {Set<string>} */
+  #answered = new Set();
   /** The keypoints that are scored. @type {KeypointTable | null} */
   table = null;
 
@@ -224,6 +233,29 @@ export class Session extends EventTarget {
   }
 
   /**
+   * Changes what is added to the numbers of a ground truth.
+   * @param {Entry} entry
+   * @param {Entry["alignment"]} alignment
+   */
+  align(entry, alignment) {
+    return this.#change(async () => {
+      entry.alignment = { ...entry.alignment, ...alignment };
+    });
+  }
+
+  /**
+   * Puts right what looks wrong, or leaves it as it is.
+   * @param {Finding} finding
+   * @param {Remedy | null} remedy
+   */
+  answer(finding, remedy) {
+    return this.#change(async () => {
+      this.#answered.add(finding.text);
+      if (remedy) applyRemedy(this.library, remedy);
+    });
+  }
+
+  /**
    * Reads positions in pixels as those of images of this size, where there are no images that tell
    * it; `undefined` takes it back.
    * @param {[number, number] | undefined} size
@@ -327,6 +359,11 @@ export class Session extends EventTarget {
   get truth() {
     const content = contentOf(this.library.used("ground-truth"));
     return content?.kind === "ground-truth" ? content.table : null;
+  }
+
+  /** What is added to the numbers of the ground truth. */
+  get alignment() {
+    return this.library.used("ground-truth")?.alignment ?? {};
   }
 
   /** @returns {OpenEncoder | null} */
@@ -520,6 +557,7 @@ export class Session extends EventTarget {
     this.library.clear();
     this.frames?.free();
     this.problems.clear();
+    this.#answered.clear();
     this.reading = null;
     this.frameSize = undefined;
     this.saidSize = undefined;
@@ -542,7 +580,8 @@ export class Session extends EventTarget {
     for (const role of TABLES) this.#checkReading(this.library.used(role));
     this.#joinFrames();
     this.emit("files");
-    this.#advance();
+    await this.#loadDoctor();
+    if (alive()) this.#advance();
   }
 
   async #indexFrames() {
@@ -622,10 +661,22 @@ export class Session extends EventTarget {
     this.join = null;
     if (!this.frames || !this.truth || this.library.used("keypoints")) return;
     try {
-      this.join = joinFrames(this.frames, this.truth);
+      this.join = joinFrames(this.frames, this.truth, this.alignment);
     } catch (error) {
-      this.problems.fail("join", error);
+      this.#failToJoin("join", error);
     }
+  }
+
+  /**
+   * @param {string} key
+   * @param {unknown} error of frames that match no row
+   */
+  #failToJoin(key, error) {
+    const remedy = remedyOf(error);
+    const run = () =>
+      void this.#change(async () => applyRemedy(this.library, /** @type {Remedy} */ (remedy)));
+    const action = remedy ? { label: labelOf(remedy), run } : undefined;
+    this.problems.report(key, "error", messageOf(error), action);
   }
 
   /** From keypoints to a score, or to the extraction that is needed first. */
@@ -678,20 +729,64 @@ export class Session extends EventTarget {
     /** @type {Scoring} */
     let scoring;
     try {
-      scoring = new Scoring(truth, table, undefined, this.#leastConfidence(truth, table));
+      const least = this.#leastConfidence(truth, table);
+      scoring = new Scoring(truth, table, undefined, least, this.alignment);
     } catch (error) {
-      this.problems.fail("scoring", error);
+      this.#failToJoin("scoring", error);
       return;
     }
     this.#derived.push(scoring);
     this.join = scoring.join;
+    const findings = this.#examine(truth, table);
+    if (this.questions.length > 0) return;
     const positions = indexed ? Array.from(scoring.imagesFrom(indexed.frames)) : [];
     const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
     const { sequences, frameNumbers } = scoring;
     const sizes = this.#measure(pictures);
     const config = this.encoder?.info.config ?? this.replay?.config ?? null;
     const parts = { scoring, sequences, frameNumbers, pictures, sizes, config };
-    this.score.show(new Points(parts), commandInputs(this.library, this.frameSources));
+    const inputs = commandInputs(this.library, this.frameSources);
+    this.score.show(new Points(parts), inputs, findings);
+  }
+
+  /** Loads what looks at the data before a score; the frames are there meanwhile. */
+  async #loadDoctor() {
+    if (!this.truth || this.#hasDoctor) return;
+    this.#showPreview();
+    try {
+      await init(["doctor"]);
+      this.#hasDoctor = true;
+    } catch (error) {
+      const text = `The data cannot be checked before it is scored: ${messageOf(error)}`;
+      this.problems.report("doctor", "warning", text);
+    }
+  }
+
+  /**
+   * What looks wrong with two tables; what can be put right becomes a question.
+   * @param {GroundTruthTable} truth
+   * @param {KeypointTable} table
+   */
+  #examine(truth, table) {
+    if (!this.#hasDoctor) return [];
+    const least = this.#leastConfidence(truth, table);
+    const findings = examine(truth.toObject(), table.toObject(), least, this.alignment);
+    this.questions = findings.filter(
+      ({ text, remedies }) => remedies.length > 0 && !this.#answered.has(text),
+    );
+    this.#settleReadings();
+    return findings;
+  }
+
+  /** Takes back what was asked about the unit of a table that now has a question of its own. */
+  #settleReadings() {
+    for (const { remedies } of this.questions) {
+      const [remedy] = remedies;
+      if (remedy?.type !== "unit") continue;
+      const of = remedy.side === "truth" ? "ground-truth" : "keypoints";
+      const entry = this.library.used(of);
+      if (entry) this.problems.delete(readingKey(entry.path));
+    }
   }
 
   /** Shows the frames with what is known of them, until there is a score. */
@@ -702,7 +797,9 @@ export class Session extends EventTarget {
     const start = performance.now();
     const isNeeded = !score.scoring && !score.saved;
     const points = isNeeded ? previewOf(this, this.#previewed) : null;
-    score.showPreview(points, points && judgeOf(this, this.#previewed));
+    // No number before the questions are answered.
+    const isOpen = this.questions.length > 0;
+    score.showPreview(points, points && !isOpen ? judgeOf(this, this.#previewed) : null);
     // The views have let go of it now.
     for (const made of before.reverse()) made.free();
     const { least, times } = PREVIEW;
@@ -786,6 +883,7 @@ export class Session extends EventTarget {
     for (const made of [...this.#derived, ...this.#previewed].reverse()) made.free();
     this.#derived = [];
     this.#previewed = [];
+    this.questions = [];
     this.table = null;
   }
 

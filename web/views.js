@@ -5,6 +5,7 @@ import { RunsComparison } from "./comparison/comparison.js";
 import { showComparison } from "./comparison/view.js";
 import { showDevices } from "./extraction/device-view.js";
 import { showExtraction } from "./extraction/view.js";
+import { showDoctor } from "./files/doctor.js";
 import { showGuide } from "./guide.js";
 import { showResults } from "./results/results.js";
 import { showViewer } from "./viewer/viewer.js";
@@ -15,6 +16,7 @@ import { showViewer } from "./viewer/viewer.js";
  * @param {boolean} isGuided whether a new visitor is shown around
  */
 export function showViews(session, devices, isGuided) {
+  showDoctor(session);
   showExtraction(session);
   showDevices(session, devices);
   showResults(session);

@@ -68,6 +68,13 @@ pub enum Reason {
     KeypointsFromOne,
     /// The file does not say in which order the coordinates are; the usual order was assumed.
     AssumedAxisOrder,
+    /// No frame has a row, and most have one when this is added to the numbers of the rows.
+    OtherNumbers {
+        /// To the numbers of the frames.
+        frames: i64,
+        /// To the numbers in the names of the sequences.
+        sequences: i64,
+    },
     /// The model of a detector leaves settings open; with them, the same file can be run.
     DetectorSettings {
         /// Their names: `inputSize`, `layout`, `normalization`, `output`, `outputNames`, `columns`,

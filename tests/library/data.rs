@@ -375,6 +375,26 @@ fn frames_find_their_rows_by_name_number_or_being_the_only_ones() {
 }
 
 #[test]
+fn what_makes_frames_match_that_do_not_is_said() {
+    let keys = |sequence: u64, first: u64| -> Vec<FrameKey> {
+        let frames = (0..3).flat_map(|s| (0..5).map(move |i| (s, i)));
+        frames
+            .map(|(s, i)| key(&format!("run_{:03}", sequence + s), first + i))
+            .collect()
+    };
+    let reason = |rows: &[FrameKey]| {
+        let error = join(&keys(0, 0), rows).expect_err("nothing matches");
+        error.reason().cloned()
+    };
+    let numbers = |frames, sequences| Some(Reason::OtherNumbers { frames, sequences });
+    assert_eq!(reason(&keys(0, 1000)), numbers(-1000, 0));
+    assert_eq!(reason(&keys(100, 0)), numbers(0, -100));
+    // Neither alone is enough.
+    assert_eq!(reason(&keys(100, 1000)), None);
+    assert_eq!(reason(&[key("a", 7)]), None);
+}
+
+#[test]
 fn frames_that_count_from_one_are_pointed_out_and_not_shifted() {
     let frames: Vec<FrameKey> = (1..=5).map(|i| key("s", i)).collect();
     let rows: Vec<FrameKey> = (0..5).map(|i| key("s", i)).collect();

@@ -6,6 +6,7 @@ use tracklens::data::{
     Alignment, AxisOrder, Flip, Parsed, Space, TableOptions, join_aligned, parse_ground_truth,
     parse_keypoints,
 };
+use tracklens::evaluation::MinConfidence;
 use tracklens::evaluation::doctor::{Finding, Problem, Remedy, Side, Subject, examine};
 use tracklens::track::{GroundTruth, KeypointTrack};
 
@@ -223,6 +224,7 @@ fn examined(
         keypoints_reading: Some(&keypoints.reading),
         join: &join,
         alignment,
+        least: MinConfidence::default(),
         image_size,
     })
 }

@@ -366,7 +366,44 @@ test("what the numbers of a table are taken for is told with its ground", () => 
     axisOrder: { value: "xy", by: "file" },
     indexBase: { value: 1, by: "said" },
     flip: { value: "none", by: "guess" },
+    firstKeypoint: 1,
     zeroIsMissing: { value: false, by: "guess" },
+  });
+});
+
+test("what looks wrong with the data is found, with what puts it right", () => {
+  const rows = (header, point) => {
+    const lines = [header];
+    for (let sequence = 0; sequence < 12; sequence += 1) {
+      for (let frame = 0; frame < 20; frame += 1) {
+        const i = frame + 37 * sequence;
+        lines.push(`${sequence},${point(frame, [0.85 * Math.sin(0.37 * i), 0.85 * Math.cos(0.71 * i)])}`);
+      }
+    }
+    return new TextEncoder().encode(lines.join("\n"));
+  };
+  const truthOf = (first) =>
+    tracklens.GroundTruthTable.parse(
+      rows("sequence,frame,object,x,y", (frame, [x, y]) => `${frame + first},cube,${x},${y}`),
+      "gt.csv",
+    );
+  const keypoints = tracklens.KeypointTable.parse(
+    rows("sequence,frame,keypoint,x,y", (frame, [x, y]) => `${frame},0,${0.9 * x + 0.01 * Math.sin(90 * x)},${0.9 * y}`),
+    "kp.csv",
+  );
+  const found = (truth, alignment) => tracklens.examine(truth.toObject(), keypoints.toObject(), {}, alignment);
+  assert.deepEqual(found(truthOf(0)), []);
+  const [finding] = found(truthOf(1));
+  assert.equal(finding.problem, "counting");
+  assert.deepEqual(finding.remedies, [{ type: "count-from", side: "truth", first: 1 }]);
+  assert.deepEqual(found(truthOf(1), { frames: -1 }), []);
+  assert.throws(() => found(truthOf(0), { frame: 1 }), /the alignment: unknown field `frame`/);
+  assert.throws(() => tracklens.examine({}, keypoints.toObject()), /the table: /);
+
+  const apart = () => new tracklens.Scoring(truthOf(1000), keypoints);
+  assert.throws(apart, (error) => {
+    assert.deepEqual(error.reason, { type: "otherNumbers", frames: -1000, sequences: 0 });
+    return true;
   });
 });
 
@@ -450,15 +487,15 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, extraction, images, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, figures, comparison/);
 });
 
 test("what a browser downloads stays small", async () => {
   const pkg = new URL("../../pkg/", import.meta.url);
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
-  // What has to be there before the page can be used, what workers load, what comes with the first
+  // What has to be there before the page can be used, what a score waits for, what workers load, what comes with the first
   // JPEG or WebP image, with the first score, and with the first runs.
-  for (const [part, limit] of Object.entries({ scoring: 300_000, extraction: 300_000, images: 250_000, figures: 200_000, comparison: 300_000 })) {
+  for (const [part, limit] of Object.entries({ scoring: 300_000, doctor: 100_000, extraction: 300_000, images: 250_000, figures: 200_000, comparison: 300_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

@@ -58,7 +58,7 @@ export function scoreDetector(session, entry) {
 export function openDetector(session, entry, made) {
   const table = tableOf(session, entry, made);
   if (!table || !session.truth) return null;
-  const scoring = new Scoring(session.truth, table);
+  const scoring = new Scoring(session.truth, table, undefined, undefined, session.alignment);
   made.push(scoring);
   const content = contentOf(entry);
   const config = content?.kind === "checkpoint" ? content.encoder.info.config : null;

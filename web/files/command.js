@@ -24,6 +24,9 @@ export function commandInputs(library, frames) {
     options: [
       ...readingWords(truth, "--"),
       ...(table ? readingWords(table, "--keypoints-", truth) : []),
+      ...(table?.options.firstKeypoint === undefined
+        ? []
+        : ["--first-keypoint", String(table.options.firstKeypoint)]),
     ],
     ...(table
       ? { keypoints: table.path }
@@ -41,7 +44,7 @@ export function commandInputs(library, frames) {
  * @param {Entry | null} [other] the table whose axis order holds for this one, too, in the terminal
  */
 function readingWords(entry, prefix, other) {
-  const { space, axisOrder, indexBase } = entry?.options ?? {};
+  const { space, axisOrder, indexBase, flip, zeroIsMissing } = entry?.options ?? {};
   const own = tableOf(entry)?.reading.axisOrder.value;
   const inherited = other?.options.axisOrder;
   const axes = axisOrder ?? (inherited === own ? undefined : inherited && own);
@@ -49,6 +52,8 @@ function readingWords(entry, prefix, other) {
     ...(space ? [`${prefix}space`, space] : []),
     ...(axes ? [`${prefix}axis-order`, axes] : []),
     ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
+    ...(flip ? [`${prefix}flip`, flip] : []),
+    ...(zeroIsMissing ? [`${prefix}zero-is-missing`] : []),
   ];
 }
 

@@ -22,6 +22,9 @@ export const ROLES = {
   unknown: { title: "Not used", icon: "icon-file" },
 };
 
+/** @type {Record<NonNullable<TableOptions["space"]>, string>} */
+const UNITS = { ndc: "ndc", px: "pixels", fraction: "0 to 1" };
+
 /** @type {Record<string, string>} */
 const GROUNDS = { guess: "assumed", file: "from the file", said: "as you said" };
 
@@ -33,7 +36,7 @@ export function corrections(session, entry) {
   const reading = tableOf(entry)?.reading;
   const summary = reading
     ? [
-        reading.space.value === "px" ? "pixels" : "ndc",
+        UNITS[reading.space.value],
         `(${[...reading.axisOrder.value].join(", ")})`,
         `frames from ${reading.indexBase.value}`,
       ].join(" · ")
@@ -71,9 +74,10 @@ function readingChoices(session, entry) {
       [
         ["ndc", "ndc, −1 to +1"],
         ["px", "pixels"],
+        ["fraction", "0 to 1"],
       ],
       reading?.space ?? { value: options.space ?? "ndc", by: "guess" },
-      (space) => set({ space: /** @type {"ndc" | "px"} */ (space) }),
+      (space) => set({ space: /** @type {TableOptions["space"]} */ (space) }),
     ),
     choice(
       "Axes",
@@ -84,6 +88,28 @@ function readingChoices(session, entry) {
       ],
       reading?.axisOrder ?? { value: options.axisOrder ?? "xy", by: "guess" },
       (axisOrder) => set({ axisOrder: /** @type {"xy" | "yx"} */ (axisOrder) }),
+    ),
+    choice(
+      "Flipped",
+      "flip",
+      [
+        ["none", "no axis"],
+        ["x", "x"],
+        ["y", "y"],
+        ["xy", "both"],
+      ],
+      reading?.flip ?? { value: options.flip ?? "none", by: "guess" },
+      (flip) => set({ flip: /** @type {TableOptions["flip"]} */ (flip) }),
+    ),
+    choice(
+      "(0, 0) is",
+      "zeroIsMissing",
+      [
+        ["false", "a position"],
+        ["true", "a missing point"],
+      ],
+      reading?.zeroIsMissing ?? { value: options.zeroIsMissing ?? false, by: "guess" },
+      (is) => set({ zeroIsMissing: is === "true" }),
     ),
     !arrays &&
       choice(
@@ -96,6 +122,18 @@ function readingChoices(session, entry) {
         reading?.indexBase ?? { value: options.indexBase ?? 0, by: "guess" },
         (base) => set({ indexBase: Number(base) }),
       ),
+    ...Object.entries(entry.alignment).map(([what, by]) =>
+      choice(
+        what === "frames" ? "Frames shifted by" : "Sequences shifted by",
+        what,
+        [
+          [String(by), String(by)],
+          ["0", "0"],
+        ],
+        { value: by, by: "said" },
+        (next) => void session.align(entry, { [what]: Number(next) }),
+      ),
+    ),
   ];
 }
 
@@ -181,7 +219,7 @@ function rolesOf(entry) {
  * @param {string} label
  * @param {string} name
  * @param {string[][]} options value and text
- * @param {{ value: string | number, by: string }} known
+ * @param {{ value: string | number | boolean, by: string }} known
  * @param {(value: string) => void} change
  */
 function choice(label, name, options, { value, by }, change) {

@@ -39,6 +39,8 @@
  * @property {Taken} taken
  * @property {TableOptions} options how the user wants a table to be read
  * @property {boolean} isMapped whether its columns were renamed, which no command repeats
+ * @property {Partial<import("../pkg/index.js").Alignment>} alignment of a ground truth: what is
+ * added to its numbers
  * @property {boolean} wanted whether it is to be used once it is parsed
  * @property {Parsed} parsed
  */
@@ -53,7 +55,17 @@
 export function entryOf(source, taken, arrays = null) {
   const { path } = source;
   const parsed = /** @type {const} */ ({ state: "new" });
-  return { path, source, arrays, taken, options: {}, isMapped: false, wanted: false, parsed };
+  return {
+    path,
+    source,
+    arrays,
+    taken,
+    options: {},
+    isMapped: false,
+    alignment: {},
+    wanted: false,
+    parsed,
+  };
 }
 
 /**

@@ -279,6 +279,7 @@ export class Library {
     entry.wanted = before.parsed.state === "used";
     // What the user said holds for the file at this path.
     entry.options = before.options;
+    entry.alignment = before.alignment;
     if (before.taken.by === "said") entry.taken = { ...before.taken };
     const { reason } = entry.taken;
     entry.taken.reason = `${reason ? `${reason}; ` : ""}replaces the earlier file of the same path`;

@@ -124,6 +124,14 @@ const READINGS = new Map([
 ]);
 
 /**
+ * The key of what is asked about the reading of a table.
+ * @param {string} path
+ */
+export function readingKey(path) {
+  return `reading ${path}`;
+}
+
+/**
  * Asks how to read a table that looks as if it were in another unit.
  * @param {Problems} problems
  * @param {string} path
@@ -134,7 +142,7 @@ export function askForReading(problems, path, reasons, read) {
   for (const { type } of reasons) {
     const reading = READINGS.get(type);
     if (!reading) continue;
-    problems.offer(`reading ${path}`, "warning", `${path}: ${reading.text}.`, {
+    problems.offer(readingKey(path), "warning", `${path}: ${reading.text}.`, {
       label: reading.label,
       run: () => read(reading.options),
     });

@@ -2,7 +2,7 @@
 /** Tracking capability at large, how it was scored, and the switches of that. */
 
 import { fill, h, notice } from "../ui/dom.js";
-import { baseName, count, fixed } from "../ui/format.js";
+import { baseName, count, fixed, sentence } from "../ui/format.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -55,7 +55,8 @@ export function summaryView(session) {
     if (!evaluation) return;
     numbers.update();
     protocol.textContent = describeProtocol(session, evaluation);
-    fill(warnings, ...warningsView(evaluation.warnings));
+    const found = (evaluation.findings ?? []).map(({ text }) => sentence(text));
+    fill(warnings, ...warningsView([...found, ...evaluation.warnings]));
   };
   const { scoring } = session.score;
   const what = h(

@@ -9,6 +9,14 @@ export function integer(value) {
 }
 
 /**
+ * What the package says, which begins small and has no full stop, as a sentence.
+ * @param {string} text
+ */
+export function sentence(text) {
+  return `${text[0].toUpperCase()}${text.slice(1)}.`;
+}
+
+/**
  * A count with its noun.
  * @param {number} n
  * @param {string} one

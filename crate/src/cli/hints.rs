@@ -24,10 +24,25 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
             "`--min-confidence C` counts keypoints below C as missing, `--truth-min-confidence C` positions of the \
              ground truth"
         }
+        Reason::OtherNumbers { frames, sequences } => {
+            return Some(Cow::Owned(numbers(*frames, *sequences)));
+        }
         Reason::KeypointsFromOne => "`--first-keypoint 1` counts the keypoints from 1",
         Reason::AssumedAxisOrder => "`--axis-order yx` reads (y, x)",
         Reason::MissingPoints { .. } | Reason::LooksLikeFractions => return None,
     }))
+}
+
+/// The options that make frames and rows of other numbers match.
+fn numbers(frames: i64, sequences: i64) -> String {
+    let (option, of) = match frames {
+        0 => (Remedy::ShiftSequences { by: sequences }, "sequences"),
+        by => (Remedy::ShiftFrames { by }, "frames"),
+    };
+    format!(
+        "{} adds to the numbers of the {of} of the ground truth; most frames have a row then",
+        self::option(&option)
+    )
 }
 
 /// The options that say what a model leaves open.

@@ -217,6 +217,7 @@ impl ScoringArguments {
             keypoints_reading: Some(keypoints_reading),
             join: scoring.join(),
             alignment,
+            least: matching.least,
             image_size,
         });
         report.command = Some(own_command()?);

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::names::last_number;
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::track::FrameKey;
 
 /// Frames (left) joined to rows of a ground truth (right), with what found no partner.
@@ -90,26 +90,20 @@ pub fn join_aligned(left: &[FrameKey], right: &[FrameKey], alignment: Alignment)
     }
     out.unmatched_right = (0..right.len()).filter(|i| !taken[*i]).collect();
     if out.pairs.is_empty() {
-        let example = |keys: &[FrameKey]| {
-            keys.first().map_or_else(
-                || "nothing".to_owned(),
-                |k| format!("`{}` frame {}", k.sequence, k.frame),
-            )
-        };
-        return Err(Error::mismatch(format!(
-            "no frame has a row of ground truth: the frames are {} in {} sequences (first: {}), the rows {} in {} \
-             (first: {}); expected the same sequence names or numbers, and frame numbers{}",
-            left.len(),
-            names_left.len(),
-            example(left),
-            right.len(),
-            names_right.len(),
-            example(right),
-            out.rules
-                .iter()
-                .map(|rule| format!(". {rule}"))
-                .collect::<String>(),
-        )));
+        let error = nothing_matches(
+            [left, right],
+            [names_left.len(), names_right.len()],
+            &out.rules,
+        );
+        let missing = (alignment == Alignment::default())
+            .then(|| missing_alignment(left, right, &partner))
+            .flatten();
+        return Err(match missing {
+            Some(Alignment { frames, sequences }) => {
+                error.because(Reason::OtherNumbers { frames, sequences })
+            }
+            None => error,
+        });
     }
     let start = |keys: &[FrameKey], side: &[usize]| side.iter().map(|i| keys[*i].frame).min();
     let shifted = start(left, &out.unmatched_left) > start(right, &out.unmatched_right)
@@ -124,6 +118,66 @@ pub fn join_aligned(left: &[FrameKey], right: &[FrameKey], alignment: Alignment)
         ));
     }
     Ok(out)
+}
+
+/// The error of frames and rows, in so many sequences, of which none match.
+fn nothing_matches(
+    [left, right]: [&[FrameKey]; 2],
+    sequences: [usize; 2],
+    rules: &[String],
+) -> Error {
+    let example = |keys: &[FrameKey]| {
+        keys.first().map_or_else(
+            || "nothing".to_owned(),
+            |k| format!("`{}` frame {}", k.sequence, k.frame),
+        )
+    };
+    let rules: String = rules.iter().map(|rule| format!(". {rule}")).collect();
+    Error::mismatch(format!(
+        "no frame has a row of ground truth: the frames are {} in {} sequences (first: {}), the rows {} in {} (first: \
+         {}); expected the same sequence names or numbers, and frame numbers{rules}",
+        left.len(),
+        sequences[0],
+        example(left),
+        right.len(),
+        sequences[1],
+        example(right),
+    ))
+}
+
+/// What makes most frames match that do not match as they are: one number for all frames, or one
+/// for all sequences.
+fn missing_alignment(
+    left: &[FrameKey],
+    right: &[FrameKey],
+    partner: &HashMap<&str, &str>,
+) -> Option<Alignment> {
+    let frames = |keys: &[FrameKey], name: &str| {
+        let of = keys.iter().filter(|key| key.sequence == name);
+        of.map(|key| key.frame).min()
+    };
+    let shift = |to: u64, from: u64| i64::try_from(i128::from(to) - i128::from(from)).ok();
+    let alignment = match partner.iter().min() {
+        Some((a, b)) => Alignment {
+            frames: shift(frames(left, a)?, frames(right, b)?)?,
+            sequences: 0,
+        },
+        None => {
+            let first = |keys| {
+                let names = sequences(keys);
+                names.iter().filter_map(|name| last_number(name)).min()
+            };
+            Alignment {
+                frames: 0,
+                sequences: shift(first(left)?, first(right)?)?,
+            }
+        }
+    };
+    let is_new = alignment != Alignment::default();
+    let join = is_new
+        .then(|| join_aligned(left, right, alignment).ok())
+        .flatten()?;
+    (2 * join.pairs.len() >= left.len().min(right.len())).then_some(alignment)
 }
 
 /// The number that becomes `number` when `by` is added to it; None where there is none.

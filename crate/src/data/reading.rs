@@ -54,13 +54,15 @@ impl fmt::Display for Notice {
 }
 
 /// What the numbers of a table were taken for, and what said so.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub struct Reading {
     /// How the table is written.
     pub layout: Layout,
     /// The unit of the positions.
     pub space: Known<Space>,
     /// The order of the coordinates.
+    #[serde(rename = "axisOrder")]
     pub axes: Known<AxisOrder>,
     /// The number of the first frame.
     pub index_base: Known<u64>,
@@ -103,7 +105,7 @@ impl Reading {
 }
 
 /// A value with its ground.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Known<T> {
     /// The value.
     pub value: T,
@@ -128,7 +130,8 @@ impl<T> Known<T> {
 }
 
 /// What a value rests on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Ground {
     /// A person said so.
     Said,
@@ -241,23 +244,31 @@ impl fmt::Display for AxisOrder {
 }
 
 /// How a table is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Layout {
     /// One row a point.
+    #[serde(rename = "one row a point")]
     Tidy,
     /// One row a frame, two columns a point.
+    #[serde(rename = "one row a frame")]
     Wide,
     /// DeepLabCut's CSV.
+    #[serde(rename = "DeepLabCut")]
     DeepLabCut,
     /// SLEAP's CSV of an analysis.
+    #[serde(rename = "SLEAP")]
     Sleap,
     /// Boxes in rows without a header, as the MOT challenge has them.
+    #[serde(rename = "MOT boxes")]
     Mot,
     /// COCO keypoints, JSON.
+    #[serde(rename = "COCO keypoints")]
     Coco,
     /// Arrays of a recording, NPZ or HDF5.
+    #[serde(rename = "arrays of a recording")]
     Arrays,
     /// None: the points were extracted here.
+    #[serde(rename = "an extraction")]
     Extraction,
 }
 

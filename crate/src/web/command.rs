@@ -4,8 +4,10 @@ use serde::Deserialize;
 
 use crate::command_line::{
     BOOTSTRAP, CONTEXT, FOLDS, IMAGE_SIZE, KEYPOINTS, MIN_CONFIDENCE, NON_FINITE, RANK,
-    RESAMPLING_SEED, SEQUENCES, THRESHOLD, TRANSFORM, TRUTH, TRUTH_MIN_CONFIDENCE, shell_line,
+    RESAMPLING_SEED, SEQUENCES, SHIFT_FRAMES, SHIFT_SEQUENCES, THRESHOLD, TRANSFORM, TRUTH,
+    TRUTH_MIN_CONFIDENCE, shell_line,
 };
+use crate::data::Alignment;
 use crate::error::Result;
 use crate::evaluation::{MinConfidence, Request};
 use crate::metric::{NonFinite, Settings};
@@ -39,6 +41,7 @@ pub(super) fn command(
     inputs: &Inputs,
     policy: NonFinite,
     least: MinConfidence,
+    alignment: Alignment,
 ) -> Result<String> {
     let mut words = vec!["tracklens".to_owned()];
     let option = |name: &str, value: &str| [format!("--{name}"), value.to_owned()];
@@ -60,6 +63,13 @@ pub(super) fn command(
         }
     }
     words.extend(inputs.options.iter().cloned());
+    let shifts = [
+        (SHIFT_FRAMES, alignment.frames),
+        (SHIFT_SEQUENCES, alignment.sequences),
+    ];
+    for (name, by) in shifts.into_iter().filter(|(_, by)| *by != 0) {
+        words.extend(option(name, &by.to_string()));
+    }
     let default = Settings::default();
     if request.settings.transform != default.transform {
         words.extend(option(TRANSFORM, request.settings.transform.name()));

@@ -8,7 +8,8 @@ use js_sys::{Object, Reflect, Uint8Array};
 use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 
-use super::options::{from_js, thresholds};
+use super::options::from_js;
+use super::thresholds::thresholds;
 use super::{JsResult, js_error, to_js};
 use crate::error::Error;
 use crate::evaluation::EvaluationReport;

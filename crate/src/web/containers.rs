@@ -140,6 +140,7 @@ impl Arrays {
         let table = data::ground_truth_of_arrays(self.points(), &options);
         Ok(GroundTruthTable {
             name: self.name.clone(),
+            image_size: options.image_size,
             table: table.map_err(|e| js_error(&e.at(&self.name)))?,
         })
     }

@@ -4,6 +4,7 @@ use serde::Serialize;
 use wasm_bindgen::prelude::*;
 
 use super::frames::FrameIndex;
+use super::matching;
 use super::tables::GroundTruthTable;
 use super::{JsResult, js_error, to_js};
 use crate::data;
@@ -15,9 +16,14 @@ use crate::track::FrameKey;
 /// # Errors
 /// When no frame matches.
 #[wasm_bindgen(js_name = joinFrames)]
-pub fn join_frames(frames: &FrameIndex, truth: &GroundTruthTable) -> JsResult<JsValue> {
+pub fn join_frames(
+    frames: &FrameIndex,
+    truth: &GroundTruthTable,
+    alignment: JsValue,
+) -> JsResult<JsValue> {
     let (frames, rows) = (frames.index.keys(), truth.table.content.keys());
-    let join = data::join(frames, rows).map_err(|e| js_error(&e))?;
+    let join = data::join_aligned(frames, rows, matching::alignment(alignment)?);
+    let join = join.map_err(|e| js_error(&e))?;
     Joined::new(&join, frames, rows).to_js()
 }
 

@@ -1,9 +1,9 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
-//! scoring first, extraction in the workers, images with the first JPEG or WebP image, figures once
-//! there is something to draw, comparison with the first runs, extraction on the GPU where there is
-//! one. Objects of one part mean nothing to another one.
+//! scoring first, the doctor with the first ground truth, extraction in the workers, images with the
+//! first JPEG or WebP image, figures once there is something to draw, comparison with the first
+//! runs, extraction on the GPU where there is one. Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-scoring")]
 mod command;
@@ -13,6 +13,8 @@ mod comparison;
 mod containers;
 #[cfg(feature = "web-extraction")]
 mod decoder;
+#[cfg(feature = "web-doctor")]
+mod doctor;
 #[cfg(feature = "web-extraction")]
 mod encoder;
 #[cfg(feature = "web-figures")]
@@ -29,7 +31,15 @@ mod gpu;
 mod images;
 #[cfg(feature = "web-scoring")]
 mod join;
-#[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
+#[cfg(any(feature = "web-scoring", feature = "web-doctor"))]
+mod matching;
+#[cfg(any(feature = "web-scoring", feature = "web-doctor"))]
+mod object;
+#[cfg(any(
+    feature = "web-scoring",
+    feature = "web-doctor",
+    feature = "web-comparison"
+))]
 mod options;
 #[cfg(feature = "web-scoring")]
 mod runs;
@@ -37,6 +47,8 @@ mod runs;
 mod scoring;
 #[cfg(feature = "web-scoring")]
 mod tables;
+#[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
+mod thresholds;
 
 use js_sys::{Error as JsError, Reflect};
 use wasm_bindgen::prelude::*;

@@ -1,14 +1,11 @@
 //! Options from JavaScript.
 
-use std::collections::BTreeMap;
-
 use js_sys::Object;
 use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
 
 use super::{JsResult, js_error};
-use crate::error::{Error, Result};
-use crate::evaluation::{Threshold, Thresholds};
+use crate::error::Error;
 
 /// An options object with no other than the given `keys`; undefined and null mean all defaults.
 pub fn from_js<T: DeserializeOwned + Default>(
@@ -34,11 +31,4 @@ pub fn from_js<T: DeserializeOwned + Default>(
     }
     serde_wasm_bindgen::from_value(value)
         .map_err(|e| js_error(&Error::input(format!("{what}: {e}"))))
-}
-
-/// Thresholds by the name of the object.
-pub fn thresholds(given: BTreeMap<String, f64>) -> Result<Thresholds> {
-    let given = given.into_iter();
-    let given = given.map(|(object, value)| Threshold::new(object, value));
-    Thresholds::new(given.collect::<Result<Vec<_>>>()?)
 }

@@ -10,8 +10,10 @@ use wasm_bindgen::prelude::*;
 use super::command::{Inputs, command};
 use super::frames::FrameIndex;
 use super::join::Joined;
-use super::options::{from_js, thresholds};
+use super::matching;
+use super::options::from_js;
 use super::tables::{GroundTruthTable, KeypointTable};
+use super::thresholds::thresholds;
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
@@ -26,13 +28,7 @@ pub struct Scoring {
     join: Joined,
     policy: NonFinite,
     least: MinConfidence,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct JsMinConfidence {
-    keypoints: Option<f64>,
-    truth: Option<f64>,
+    alignment: data::Alignment,
 }
 
 #[derive(Default, Deserialize)]
@@ -145,23 +141,17 @@ impl Scoring {
         keypoints: &KeypointTable,
         on_non_finite: Option<String>,
         min_confidence: JsValue,
+        alignment: JsValue,
     ) -> JsResult<Scoring> {
-        let least: JsMinConfidence = from_js(
-            min_confidence,
-            "the smallest confidences",
-            &["keypoints", "truth"],
-        )?;
-        let least = MinConfidence::new(least.keypoints, least.truth).map_err(|e| js_error(&e))?;
+        let least = matching::min_confidence(min_confidence)?;
         let policy = on_non_finite
             .as_deref()
             .map(str::parse::<NonFinite>)
             .transpose();
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
+        let alignment = matching::alignment(alignment)?;
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
-        let matching = Matching {
-            least,
-            ..Matching::default()
-        };
+        let matching = Matching { least, alignment };
         let scoring = evaluation::Scoring::matched(truth, keypoints, policy, matching)
             .map_err(|e| js_error(&e))?;
         let join = Joined::new(scoring.join(), keypoints.keys(), truth.keys());
@@ -170,6 +160,7 @@ impl Scoring {
             join,
             policy,
             least,
+            alignment,
         })
     }
 
@@ -319,7 +310,8 @@ impl Scoring {
     pub fn command(&self, inputs: JsValue, options: JsValue) -> JsResult<String> {
         let request = ScoreOptions::request(options, "command")?;
         let inputs: Inputs = from_js(inputs, "the inputs of command", &Inputs::KEYS)?;
-        command(&request, &inputs, self.policy, self.least).map_err(|e| js_error(&e))
+        command(&request, &inputs, self.policy, self.least, self.alignment)
+            .map_err(|e| js_error(&e))
     }
 
     /// The keypoints of a joined frame, N x 2.

@@ -1,13 +1,14 @@
 //! Ground truth and keypoints in JavaScript.
 
 use ndarray::Array3;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use wasm_bindgen::prelude::*;
 
 use super::frames::FrameIndex;
+use super::object;
 use super::options::from_js;
 use super::{JsResult, js_error, to_js};
-use crate::data::{self, AxisOrder, Flip, Ground, Notice, Parsed, Reading, Space, TableOptions};
+use crate::data::{self, AxisOrder, Flip, Notice, Parsed, Reading, Space, TableOptions};
 use crate::error::Error;
 use crate::track::{GroundTruth, KeypointTrack};
 
@@ -56,39 +57,6 @@ pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions
     })
 }
 
-/// How a table was read, as JavaScript has it.
-fn reading_to_js(reading: &Reading) -> JsResult<JsValue> {
-    #[derive(Serialize)]
-    struct Known<T> {
-        value: T,
-        by: &'static str,
-    }
-    #[derive(Serialize)]
-    #[serde(rename_all = "camelCase")]
-    struct JsReading {
-        layout: String,
-        space: Known<&'static str>,
-        axis_order: Known<&'static str>,
-        index_base: Known<u64>,
-        flip: Known<&'static str>,
-        zero_is_missing: Known<bool>,
-    }
-    fn known<T, U>(of: data::Known<T>, value: impl Fn(T) -> U) -> Known<U> {
-        Known {
-            value: value(of.value),
-            by: Ground::name(of.by),
-        }
-    }
-    to_js(&JsReading {
-        layout: reading.layout.to_string(),
-        space: known(reading.space, Space::name),
-        axis_order: known(reading.axes, AxisOrder::name),
-        index_base: known(reading.index_base, |n| n),
-        flip: known(reading.flip, Flip::name),
-        zero_is_missing: known(reading.zero_is_missing, |is| is),
-    })
-}
-
 fn texts(notices: &[Notice]) -> Vec<String> {
     notices.iter().map(|notice| notice.text.clone()).collect()
 }
@@ -102,6 +70,8 @@ fn reasons_to_js(notices: &[Notice]) -> JsResult<JsValue> {
 #[wasm_bindgen]
 pub struct GroundTruthTable {
     pub(super) name: String,
+    /// Of the images, where it was said.
+    pub(super) image_size: Option<[u32; 2]>,
     pub(super) table: Parsed<GroundTruth>,
 }
 
@@ -121,7 +91,11 @@ impl GroundTruthTable {
     pub fn parse(bytes: &[u8], name: String, options: JsValue) -> JsResult<GroundTruthTable> {
         let options = table_options(options, "GroundTruthTable.parse")?;
         let table = data::parse_ground_truth(bytes, &name, &options).map_err(|e| js_error(&e))?;
-        Ok(Self { name, table })
+        Ok(Self {
+            name,
+            image_size: options.image_size,
+            table,
+        })
     }
 
     /// The name of the file.
@@ -148,6 +122,18 @@ impl GroundTruthTable {
         data::ranges(self.table.content.keys()).len()
     }
 
+    /// The table as a plain object, which other parts of the package read.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(js_name = toObject)]
+    pub fn to_object(&self) -> JsResult<JsValue> {
+        let (truth, reading) = (&self.table.content, &self.table.reading);
+        let named = (truth.names(), self.image_size);
+        let (points, confidence) = (truth.points_ndc(), truth.confidence());
+        object::write::table(truth.keys(), points, confidence, reading, named)
+    }
+
     /// Whether the positions say how sure they are.
     #[wasm_bindgen(getter, js_name = hasConfidence)]
     pub fn has_confidence(&self) -> bool {
@@ -160,7 +146,7 @@ impl GroundTruthTable {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(getter)]
     pub fn reading(&self) -> JsResult<JsValue> {
-        reading_to_js(&self.table.reading)
+        to_js(&self.table.reading)
     }
 
     /// How the table was read.
@@ -240,6 +226,17 @@ impl KeypointTable {
         self.table.content.keys().len()
     }
 
+    /// The table as a plain object, which other parts of the package read.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(js_name = toObject)]
+    pub fn to_object(&self) -> JsResult<JsValue> {
+        let (track, reading) = (&self.table.content, &self.table.reading);
+        let (points, confidence) = (track.points(), track.confidence());
+        object::write::table(track.keys(), points, confidence, reading, (&[], None))
+    }
+
     /// Whether the keypoints say how sure they are.
     #[wasm_bindgen(getter, js_name = hasConfidence)]
     pub fn has_confidence(&self) -> bool {
@@ -252,7 +249,7 @@ impl KeypointTable {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(getter)]
     pub fn reading(&self) -> JsResult<JsValue> {
-        reading_to_js(&self.table.reading)
+        to_js(&self.table.reading)
     }
 
     /// How the table was read.

@@ -140,7 +140,8 @@ async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) 
         .map(|(name, table)| folder.put(name, table.as_bytes()));
     let page = Page::open_in(browser).await;
     page.pick(&[&truth, &keypoints]).await;
-    page.until_scored().await;
+    page.until("document.querySelector('#doctor .question[data-problem=unit]')")
+        .await;
     correct(&page, "ground-truth", "space", "px").await;
     page.until(
         "document.querySelector('#problems').textContent.includes('the size of the images is not known')",
@@ -443,7 +444,7 @@ async fn guesses_are_marked_and_can_be_corrected() {
     page.until("document.querySelector('#join').dataset.unmatchedRows === '0'")
         .await;
     let said = "[...document.querySelectorAll('#files [data-role=ground-truth] .choice')].map((c) => c.dataset.by).join()";
-    page.until(&format!("{said} === 'guess,said,said,said'"))
+    page.until(&format!("{said} === 'guess,said,said,guess,guess,said'"))
         .await;
     page.pick(&[Path::new(&checkpoint)]).await;
     let expected = parsed(&eval(

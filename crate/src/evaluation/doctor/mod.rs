@@ -18,10 +18,35 @@ mod zeros;
 pub use finding::{Evidence, Finding, Problem, Remedy, Side};
 pub use subject::Subject;
 
+use super::confidence::hide;
+use crate::track::{GroundTruth, KeypointTrack};
 use blocks::Blocks;
+
+/// The keypoints without those that are not sure enough, where there are such.
+fn sure_keypoints(subject: &Subject) -> Option<KeypointTrack> {
+    let of = subject.keypoints;
+    let mut points = of.points().clone();
+    hide(&mut points, of.confidence()?, subject.least.keypoints?);
+    KeypointTrack::new(of.keys().to_vec(), points).ok()
+}
+
+/// The ground truth without positions that are not sure enough, where there are such.
+fn sure_truth(subject: &Subject) -> Option<GroundTruth> {
+    let of = subject.truth;
+    let mut points = of.points_ndc().clone();
+    hide(&mut points, of.confidence()?, subject.least.truth?);
+    GroundTruth::new(of.keys().to_vec(), of.names().to_vec(), points).ok()
+}
 
 /// What looks wrong, the worst first; nothing where all looks right.
 pub fn examine(subject: &Subject) -> Vec<Finding> {
+    let keypoints = sure_keypoints(subject);
+    let truth = sure_truth(subject);
+    let subject = &Subject {
+        keypoints: keypoints.as_ref().unwrap_or(subject.keypoints),
+        truth: truth.as_ref().unwrap_or(subject.truth),
+        ..*subject
+    };
     let blocks = Blocks::of(subject);
     let mut findings = unit::examine(subject, &blocks);
     findings.extend(counting::examine(subject, &blocks));

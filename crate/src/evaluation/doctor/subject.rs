@@ -2,6 +2,7 @@
 
 use super::finding::Side;
 use crate::data::{Alignment, Ground, Join, Known, Reading};
+use crate::evaluation::confidence::MinConfidence;
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// What is looked at.
@@ -19,6 +20,8 @@ pub struct Subject<'a> {
     pub join: &'a Join,
     /// What was added to the numbers of the rows for it.
     pub alignment: Alignment,
+    /// How sure points have to be; others are taken for missing.
+    pub least: MinConfidence,
     /// Width and height of the images in pixels, where they are known.
     pub image_size: Option<[u32; 2]>,
 }

@@ -24,8 +24,11 @@ pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
         p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
             (report.version) }
         p.lead { (lead(report)) }
-        @if !report.warnings.is_empty() {
-            ul { @for warning in &report.warnings { li { (prose(warning)) } } }
+        @if !report.warnings.is_empty() || !report.findings.is_empty() {
+            ul {
+                @for finding in &report.findings { li { (prose(&finding.text)) } }
+                @for warning in &report.warnings { li { (prose(warning)) } }
+            }
         }
         (objects(report).to_html())
         p { (protocol(report)) }
