@@ -21,7 +21,7 @@
 //! | `jpeg-webp` | JPEG and WebP images besides PNG | 73 |
 //! | `hdf5` | HDF5 recordings | 78 |
 //! | `engine` | encoders on the CPU: `engine`, `extract` | 72 |
-//! | `onnx` | any detector as an ONNX model: `detector` | 93 |
+//! | `onnx` | any detector as an ONNX model: `detector`; checkpoints and models by path: `weights` | 93 |
 //! | `report` | tables, figures and pages: `report` | 76 |
 //! | `model` | the SAEs as burn modules: `model` | 195 |
 //! | `train` | training: `train` | 208 |
@@ -69,6 +69,8 @@ pub mod run;
 pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;
+#[cfg(feature = "onnx")]
+pub mod weights;
 
 #[cfg(feature = "cli")]
 #[doc(hidden)]

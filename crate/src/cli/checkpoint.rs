@@ -12,6 +12,7 @@ use crate::atomic;
 use crate::checkpoint::{Checkpoint, Format, SaeConfig, Summary, Training};
 use crate::engine::{CpuEncoder, PlannedLayer};
 use crate::error::{Error, Result};
+use crate::weights::{Weights, read_checkpoint, read_weights};
 
 #[derive(Debug, Args)]
 pub(super) struct ConvertArguments {
@@ -80,7 +81,7 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
                 .at(arguments.to.display()),
         );
     }
-    let checkpoint = files::read_checkpoint(&arguments.from, arguments.key.as_deref())?;
+    let checkpoint = read_checkpoint(&arguments.from, arguments.key.as_deref())?;
     atomic::write(&arguments.to, &checkpoint.to_bytes(format)?)?;
     report_written(&checkpoint, &arguments.to);
     Ok(())
@@ -88,7 +89,7 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<()> {
 
 pub(super) fn export(arguments: &ExportArguments) -> Result<()> {
     atomic::check(&arguments.onnx)?;
-    let checkpoint = files::read_checkpoint(&arguments.checkpoint, arguments.key.as_deref())?;
+    let checkpoint = read_checkpoint(&arguments.checkpoint, arguments.key.as_deref())?;
     let model = checkpoint
         .to_onnx()
         .map_err(|e| e.at(arguments.checkpoint.display()))?;
@@ -114,11 +115,11 @@ struct Inspection {
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     let place = |e: Error| e.at(arguments.file.display());
-    let files::Weights {
+    let Weights {
         checkpoint,
         format,
         bytes,
-    } = files::read_weights(&arguments.file, arguments.key.as_deref())?;
+    } = read_weights(&arguments.file, arguments.key.as_deref())?;
     let plan = |size: [u32; 2]| CpuEncoder::new(&checkpoint)?.plan(size.map(|side| side as usize));
     let inspection = Inspection {
         format,

@@ -1,17 +1,15 @@
 //! What the options say of a detector that is an ONNX model.
 
-use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 
-use super::files;
 use crate::atomic;
 use crate::detector::{
-    Channels, Columns, Decoding, InputSize, Layout, OnnxExtractor, OutputKind, SETTINGS_ENDING,
-    Settings, Unit,
+    Channels, Columns, Decoding, InputSize, Layout, OnnxExtractor, OutputKind, Settings, Unit,
 };
 use crate::error::{Error, Result};
+use crate::weights::{model_settings, settings_path};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Detectors as ONNX models, where the model does not say it")]
@@ -101,13 +99,7 @@ impl DetectorArguments {
     /// Opens the model `bytes` of `path` with these options and what lies beside it.
     pub fn open(&self, path: &Path, bytes: Vec<u8>, quiet: bool) -> Result<OnnxExtractor> {
         let beside = settings_path(path);
-        let remembered = match beside.is_file() {
-            true => {
-                Settings::from_json(&files::read(&beside)?).map_err(|e| e.at(beside.display()))?
-            }
-            false => Settings::default(),
-        };
-        let settings = self.settings().or(remembered);
+        let settings = model_settings(path, self.settings())?;
         if self.remember {
             atomic::check(&beside)?;
         }
@@ -152,11 +144,4 @@ impl DetectorArguments {
             columns: self.columns,
         }
     }
-}
-
-/// `model.onnx.json` for `model.onnx`.
-fn settings_path(model: &Path) -> PathBuf {
-    let mut name = OsString::from(model);
-    name.push(SETTINGS_ENDING);
-    PathBuf::from(name)
 }

@@ -11,7 +11,7 @@ use ndarray::{Array2, Array3};
 use super::detector::DetectorArguments;
 #[cfg(feature = "gpu")]
 use super::device::open_and_tell;
-use super::files::{self, TruthArguments};
+use super::files::TruthArguments;
 use super::score::ScoringArguments;
 use super::signals;
 use crate::atomic;
@@ -25,6 +25,7 @@ use crate::event::{Cancel, Event};
 use crate::extract::DeviceExtractor;
 use crate::extract::{CpuExtractor, Extraction, Extractor, extract_frames};
 use crate::track::KeypointTrack;
+use crate::weights::{read_checkpoint, read_onnx};
 
 /// The path that stands for the standard output.
 const STANDARD_OUTPUT: &str = "-";
@@ -159,7 +160,7 @@ impl SourceArguments {
     /// The encoder or the detector.
     fn open(&self) -> Result<Box<dyn Extractor + Sync>> {
         let place = |e: Error| e.at(self.checkpoint.display());
-        if let Some(bytes) = files::read_onnx(&self.checkpoint)? {
+        if let Some(bytes) = read_onnx(&self.checkpoint)? {
             if self.key.is_some() {
                 return Err(place(Error::mismatch(
                     "--key chooses among sets of weights, and an ONNX model has one; leave it out",
@@ -177,7 +178,7 @@ impl SourceArguments {
             )?));
         }
         self.detector.check_unused().map_err(place)?;
-        let checkpoint = files::read_checkpoint(&self.checkpoint, self.key.as_deref())?;
+        let checkpoint = read_checkpoint(&self.checkpoint, self.key.as_deref())?;
         Ok(match self.device {
             DeviceKind::Cpu => Box::new(CpuExtractor::new(&checkpoint).map_err(place)?),
             #[cfg(feature = "gpu")]

@@ -1,6 +1,6 @@
-//! Files and folders: everything that knows paths.
+//! Folders of frames, recordings and tables by their paths.
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,6 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::hints::hint;
-use crate::checkpoint::{Checkpoint, Format};
 use crate::command_line;
 use crate::data::{
     AxisOrder, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice, NpyArray,
@@ -17,19 +16,15 @@ use crate::data::{
     keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
     parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
 };
-use crate::detector::Graph;
 use crate::error::{Error, ErrorKind, Result, without_controls};
-use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
+use crate::weights::read;
 
 /// Folders below the given one that are searched for frames.
 const DEPTH: usize = 8;
 
 /// Files and folders left out that are named one by one.
 const SHOWN: usize = 10;
-
-/// The most bytes that are read of what is not a regular file, whose size is not known before.
-const MAX_STREAM: u64 = 1 << 30;
 
 /// Whether both are the same file; a file that is not there yet is none.
 pub(super) fn is_same(a: &Path, b: &Path) -> bool {
@@ -411,35 +406,6 @@ impl Walk {
     }
 }
 
-pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
-    let failed = |e: std::io::Error| Error::io(path.display(), &e);
-    let found = std::fs::metadata(path).map_err(failed)?;
-    if found.is_file() {
-        memory::check(
-            found.len(),
-            "file",
-            "close other programs, or use a smaller file",
-        )
-        .map_err(|e| e.at(path.display()))?;
-        return std::fs::read(path).map_err(failed);
-    }
-    // A pipe, such as a shell makes of another program's output; a device may have no end.
-    let mut bytes = Vec::new();
-    let stream = File::open(path).map_err(failed)?;
-    stream
-        .take(MAX_STREAM + 1)
-        .read_to_end(&mut bytes)
-        .map_err(failed)?;
-    match bytes.len() as u64 > MAX_STREAM {
-        true => Err(Error::input(format!(
-            "not a regular file, and more than {} MiB came from it; expected a file",
-            MAX_STREAM >> 20
-        ))
-        .at(path.display())),
-        false => Ok(bytes),
-    }
-}
-
 fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|e| Error::io(path.display(), &e))
 }
@@ -506,83 +472,6 @@ pub(super) fn read_keypoints(
     };
     tell(path, &table.notices);
     Ok(table)
-}
-
-/// Reads an ONNX model, which a file is by its name, or by its content where the name tells nothing;
-/// `None` for other files.
-pub(super) fn read_onnx(path: &Path) -> Result<Option<Vec<u8>>> {
-    let ending = path.extension().unwrap_or_default();
-    let ending = ending.to_string_lossy().to_ascii_lowercase();
-    let named = ending == "onnx";
-    // A pipe can be read once.
-    if !named && (ending == "json" || Format::from_extension(&ending).is_some() || !path.is_file())
-    {
-        return Ok(None);
-    }
-    let bytes = read(path)?;
-    let is_model = Format::of(&bytes).is_none() && (named || Graph::is_onnx(&bytes));
-    Ok(Some(bytes).filter(|_| is_model))
-}
-
-/// Reads a checkpoint; `key` says which weights, where there are several sets.
-pub(super) fn read_checkpoint(path: &Path, key: Option<&str>) -> Result<Checkpoint> {
-    read_weights(path, key).map(|weights| weights.checkpoint)
-}
-
-/// A checkpoint and what it was read from.
-pub(super) struct Weights {
-    pub checkpoint: Checkpoint,
-    pub format: Format,
-    /// Of all files.
-    pub bytes: usize,
-}
-
-/// What the index of a checkpoint in several files says.
-#[derive(serde::Deserialize)]
-struct ShardIndex {
-    /// By the name of a tensor its file, which lies beside.
-    weight_map: BTreeMap<String, String>,
-}
-
-/// Reads a checkpoint of one file, or of several that an index (`….safetensors.index.json`) names.
-pub(super) fn read_weights(path: &Path, key: Option<&str>) -> Result<Weights> {
-    let placed = |e: Error| e.at(path.display());
-    let bytes = read(path)?;
-    let is_index = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    if !is_index {
-        let checkpoint = Checkpoint::from_bytes_at(&bytes, key).map_err(placed)?;
-        let format = Format::of(&bytes).unwrap_or(Format::PyTorch);
-        let bytes = bytes.len();
-        return Ok(Weights {
-            checkpoint,
-            format,
-            bytes,
-        });
-    }
-    let index: ShardIndex = serde_json::from_slice(&bytes).map_err(|e| {
-        placed(Error::input(format!(
-            "not the index of a checkpoint in several files ({e}); expected `weight_map` with the file of every tensor"
-        )))
-    })?;
-    let files: BTreeSet<&String> = index.weight_map.values().collect();
-    let mut shards = Vec::new();
-    for file in files {
-        // A name leads nowhere but to a file beside.
-        let is_beside = Path::new(file).components().count() == 1 && !file.contains(['/', '\\']);
-        if !is_beside || file == ".." {
-            return Err(placed(Error::input(format!(
-                "the part `{file}` is not the name of a file beside the index"
-            ))));
-        }
-        shards.push(read(&path.with_file_name(file))?);
-    }
-    Ok(Weights {
-        checkpoint: Checkpoint::from_shards(&shards, key).map_err(placed)?,
-        format: Format::Safetensors,
-        bytes: shards.iter().map(Vec::len).sum(),
-    })
 }
 
 fn tell(path: &Path, notices: &[Notice]) {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::files::{self, TruthArguments};
+use super::files::TruthArguments;
 use super::painter::Painter;
 use super::score::ThresholdArguments;
 use super::trajectories;
@@ -19,6 +19,7 @@ use crate::report::runs::{
     runs_latex, runs_markdown, runs_page,
 };
 use crate::run::{FoundRun, RunFiles, find_runs};
+use crate::weights::read;
 
 /// Folders below the given ones that are searched for runs.
 const DEPTH: usize = 6;
@@ -245,7 +246,7 @@ fn unread(name: &str, e: &std::io::Error) -> Unread {
 }
 
 fn read_reference(path: &Path) -> Result<Reference> {
-    let bytes = files::read(path)?;
+    let bytes = read(path)?;
     let wrong = |e: &dyn std::fmt::Display| {
         Error::input(e.to_string().trim_end().to_owned()).at(path.display())
     };

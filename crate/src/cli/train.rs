@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::device::open_and_tell;
 use super::extract::{cancel_on_interrupt, progress_bar, show};
-use super::files::{EPISODES, TruthArguments, read};
+use super::files::{EPISODES, TruthArguments};
 use crate::checkpoint::SaeConfig;
 use crate::data::parse_episodes;
 use crate::device::DeviceKind;
@@ -23,6 +23,7 @@ use crate::run::{
 };
 use crate::sweep::architecture_named;
 use crate::train::{Dataset, Existing, RunLock, RunOptions, train};
+use crate::weights::read;
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::files;
 use crate::data::{Filter, Frame, FrameSource, SequenceRange, join};
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::ObjectReport;
@@ -14,6 +13,7 @@ use crate::report::draw::{Figure, FileNames};
 use crate::report::runs::{Group, Run, Runs, Scene, Trajectory, trajectories};
 use crate::run::{CHECKPOINT_FINAL, RunConfig};
 use crate::track::GroundTruth;
+use crate::weights::read_checkpoint;
 
 /// Sequences that are drawn when none are asked for.
 const SHOWN: usize = 4;
@@ -161,8 +161,8 @@ impl<'a> Drawing<'a> {
     /// The frames and paths of `sequences`.
     fn scenes(&self, sequences: &[SequenceRange]) -> Result<Vec<Scene>> {
         let path = Path::new(&self.run.name).join(CHECKPOINT_FINAL);
-        let extractor = CpuExtractor::new(&files::read_checkpoint(&path, None)?)
-            .map_err(|e| e.at(path.display()))?;
+        let extractor =
+            CpuExtractor::new(&read_checkpoint(&path, None)?).map_err(|e| e.at(path.display()))?;
         let truth = |t: usize, k: usize| {
             self.rows[t].map_or([f64::NAN; 2], |row| {
                 let point = self.truth.frame(row);
