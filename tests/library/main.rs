@@ -19,6 +19,8 @@ mod doctor;
 mod engine;
 #[cfg(all(feature = "engine", feature = "hdf5"))]
 mod formats;
+#[cfg(feature = "data")]
+mod memory;
 mod metric;
 mod stats;
 #[cfg(feature = "data")]

@@ -13,6 +13,7 @@ mod frames;
 mod hdf5;
 mod image;
 mod join;
+mod memory;
 mod names;
 mod npy;
 mod npz;
@@ -37,6 +38,7 @@ pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth, read_hdf5_keypoints};
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Alignment, Join, join, join_aligned};
+pub use memory::{FramesInMemory, PointSequences};
 pub(crate) use names::{is_hidden, is_image, last_number};
 pub use npy::MAGIC as NPY_MAGIC;
 pub use npz::{

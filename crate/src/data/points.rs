@@ -25,18 +25,7 @@ pub(super) fn keypoints(
     file: &dyn ArrayFile,
     options: &TableOptions,
 ) -> Result<Parsed<KeypointTrack>> {
-    let points = points(file, options)?;
-    let mut notices = points.notices;
-    notices.extend(point_notices(
-        &points.values,
-        "keypoints are missing or not finite",
-    ));
-    let keys = keys(points.sequences, points.frames);
-    Ok(Parsed {
-        content: KeypointTrack::new(keys, points.values)?.with_confidence(points.confidence)?,
-        reading: points.reading,
-        notices,
-    })
+    points(file, options)?.into_keypoints()
 }
 
 fn points(file: &dyn ArrayFile, options: &TableOptions) -> Result<Points> {
@@ -53,15 +42,16 @@ fn points(file: &dyn ArrayFile, options: &TableOptions) -> Result<Points> {
 pub(super) struct Points {
     pub name: &'static str,
     pub shape: Vec<u64>,
-    pub sequences: usize,
-    pub frames: usize,
-    values: Array3<f64>,
+    /// The number of frames of every sequence.
+    pub lengths: Vec<usize>,
+    /// The frames of all sequences x points x 2.
+    pub values: Array3<f64>,
     /// Frames x points, where the file says how sure they are.
-    confidence: Option<Array2<f64>>,
-    names: Vec<String>,
-    reading: Reading,
+    pub confidence: Option<Array2<f64>>,
+    pub names: Vec<String>,
+    pub reading: Reading,
     /// How it was read.
-    notices: Vec<Notice>,
+    pub notices: Vec<Notice>,
 }
 
 /// How an array of points is arranged.
@@ -187,11 +177,6 @@ impl Points {
             Some(order) => Known::of(options.axes, order, Ground::File),
             None => Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
         };
-        if axes.value == AxisOrder::Yx {
-            values
-                .chunks_exact_mut(2)
-                .for_each(|point| point.swap(0, 1));
-        }
         let (source, reason) = match axes.by {
             Ground::Said => ("as asked for", None),
             Ground::File => ("as the file says", None),
@@ -225,21 +210,15 @@ impl Points {
             ..Reading::new(Layout::Arrays, options)
         };
         let lacks_size = reading.space.value == Space::Pixels && options.image_size.is_none();
-        for point in values.chunks_exact_mut(2) {
-            let at = [point[0], point[1]];
-            if let Some(placed) = options.place(at, reading.space.value, options.image_size) {
-                point.copy_from_slice(&placed);
-            }
-        }
+        place(&mut values, &reading, options);
         let mut no_names = |problem: &Error| {
             notices.push(format!("{problem}: points have numbers").into());
         };
-        let numbered = || (0..points).map(|k| format!("point_{k}")).collect();
         let names = match (arrangement, file.point_names()) {
             (Arrangement::Sleap, _) => names_of_sleap(file, points, individuals)?,
             (_, Err(e)) => {
                 no_names(&e);
-                numbered()
+                numbered(points)
             }
             (_, Ok(Some(names))) if names.len() == points => names
                 .iter()
@@ -252,7 +231,7 @@ impl Points {
                     names.join(", ")
                 )));
             }
-            (_, Ok(None)) => numbered(),
+            (_, Ok(None)) => numbered(points),
         };
         let length = values.len();
         let mut values = Array3::from_shape_vec((rows, points, 2), values).map_err(|_| {
@@ -274,22 +253,34 @@ impl Points {
             confidence,
             reading,
             shape: info.shape,
-            sequences,
-            frames,
+            lengths: vec![frames; sequences],
             values,
             names,
         }))
     }
 
+    pub fn into_keypoints(self) -> Result<Parsed<KeypointTrack>> {
+        let mut notices = self.notices;
+        notices.extend(point_notices(
+            &self.values,
+            "keypoints are missing or not finite",
+        ));
+        Ok(Parsed {
+            content: KeypointTrack::new(keys(&self.lengths), self.values)?
+                .with_confidence(self.confidence)?,
+            reading: self.reading,
+            notices,
+        })
+    }
+
     pub fn into_truth(self) -> Result<Parsed<GroundTruth>> {
         if let Some(((t, k, _), value)) = self.values.indexed_iter().find(|(_, v)| v.is_infinite())
         {
+            let [sequence, frame] = numbers(&self.lengths, t);
             return Err(Error::input(format!(
-                "`{}`: point {k} is {value} in sequence {}, frame {}; expected finite numbers, or NaN where the object \
-                 is not visible",
-                self.name,
-                t / self.frames,
-                t % self.frames
+                "`{}`: point {k} is {value} in sequence {sequence}, frame {frame}; expected finite numbers, or NaN where \
+                 the object is not visible",
+                self.name
             )));
         }
         let mut notices = self.notices;
@@ -297,14 +288,44 @@ impl Points {
             &self.values,
             "positions are missing: the object counts as not visible in that frame",
         ));
-        let keys = keys(self.sequences, self.frames);
         Ok(Parsed {
-            content: GroundTruth::new(keys, self.names, self.values)?
+            content: GroundTruth::new(keys(&self.lengths), self.names, self.values)?
                 .with_confidence(self.confidence)?,
             reading: self.reading,
             notices,
         })
     }
+}
+
+/// Swaps and places `values`, (x, y) or (y, x) of one point after the other, so that they are (x, y)
+/// in ndc. Those in pixels of images of unknown size stay as they are.
+pub(super) fn place(values: &mut [f64], reading: &Reading, options: &TableOptions) {
+    for point in values.chunks_exact_mut(2) {
+        if reading.axes.value == AxisOrder::Yx {
+            point.swap(0, 1);
+        }
+        let at = [point[0], point[1]];
+        if let Some(placed) = options.place(at, reading.space.value, options.image_size) {
+            point.copy_from_slice(&placed);
+        }
+    }
+}
+
+/// The names of points that have none.
+pub(super) fn numbered(points: usize) -> Vec<String> {
+    (0..points).map(|k| format!("point_{k}")).collect()
+}
+
+/// The numbers of the sequence and of the frame in it that is the `t`-th of all.
+fn numbers(lengths: &[usize], t: usize) -> [usize; 2] {
+    let mut frame = t;
+    for (sequence, length) in lengths.iter().enumerate() {
+        if frame < *length {
+            return [sequence, frame];
+        }
+        frame -= length;
+    }
+    [lengths.len(), frame]
 }
 
 /// The confidences of all points, where the file has them in the same arrangement. Those that say
@@ -371,12 +392,14 @@ fn names_of_sleap(file: &dyn ArrayFile, points: usize, individuals: usize) -> Re
     Ok((0..points).map(name).collect())
 }
 
-pub(super) fn keys(sequences: usize, frames: usize) -> Vec<FrameKey> {
+/// The frames of sequences of these lengths: `seq_0000`, `seq_0001`, …, counted from 0.
+pub(super) fn keys(lengths: &[usize]) -> Vec<FrameKey> {
     let key = |s: usize, t: usize| FrameKey {
         sequence: format!("seq_{s:04}"),
         frame: t as u64,
     };
-    (0..sequences)
-        .flat_map(|s| (0..frames).map(move |t| key(s, t)))
+    let sequences = lengths.iter().enumerate();
+    sequences
+        .flat_map(|(s, frames)| (0..*frames).map(move |t| key(s, t)))
         .collect()
 }

@@ -47,7 +47,7 @@ impl Recording {
             ..*options
         };
         if let Some(points) = Points::read(&*file, &options)? {
-            if (points.sequences, points.frames) != (frames.sequences, frames.frames) {
+            if points.lengths != vec![frames.frames; frames.sequences] {
                 return Err(Error::mismatch(format!(
                     "`{}` has shape {:?}, `{name}` has {:?}; expected the same {} sequences of {} frames",
                     points.name, points.shape, info.shape, frames.sequences, frames.frames
@@ -58,7 +58,7 @@ impl Recording {
             truth = Some(table.content);
         }
         Ok(Self {
-            index: FrameIndex::of_keys(keys(frames.sequences, frames.frames)),
+            index: FrameIndex::of_keys(keys(&vec![frames.frames; frames.sequences])),
             file,
             frames,
             truth,
