@@ -73,6 +73,27 @@ pub(in crate::report) fn document(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
+/// The same for a part of a page of somebody else, such as the output of a notebook: it changes
+/// nothing around it. The figures stand on white, whatever the page is in.
+const PART_STYLE: &str = "
+.tracklens { font-size: 14px; line-height: 1.45; max-width: 56rem; }
+.tracklens table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .5rem 0; }
+.tracklens th, .tracklens td { padding: .2rem .6rem; text-align: right; }
+.tracklens th:first-child, .tracklens td:first-child, .tracklens .text { text-align: left; }
+.tracklens td.good { color: #00734f; font-weight: 600; } .tracklens td.bad { color: #a8430a; }
+.tracklens figure { margin: 1rem 0; } .tracklens figcaption { font-size: 12px; }
+.tracklens .white { background: #fff; padding: .5rem; overflow-x: auto; }
+.tracklens svg { display: block; height: auto; max-width: 100%; }
+";
+
+/// A part of a page of somebody else.
+pub(in crate::report) fn part(title: &str, body: &Markup) -> String {
+    html! {
+        div.tracklens { style { (PreEscaped(PART_STYLE)) } p { strong { (title) } } (body) }
+    }
+    .into_string()
+}
+
 /// A figure with its caption; on white where its colours are made for that.
 pub(in crate::report) fn figure(figure: &Figure, is_white: bool) -> Markup {
     html! {

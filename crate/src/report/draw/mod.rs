@@ -14,7 +14,7 @@ pub(super) use canvas::{
 };
 pub use canvas::{Drawn, Theme};
 pub(super) use decades::{Decades, above, below, power, tick};
-pub(super) use document::{document, figure};
+pub(super) use document::{document, figure, part};
 pub use lines::{Color, LineFigure, LineSeries, PlotArea, draw_lines, lines_to_svg};
 pub(super) use measured::Measured;
 

@@ -15,7 +15,7 @@ use crate::evaluation::EvaluationReport;
 pub use capability::capability;
 pub use confidence::confidence;
 pub use matrix::matrix;
-pub use page::evaluation_page;
+pub use page::{evaluation_page, evaluation_part};
 pub use sequences::sequences;
 pub use tables::{evaluation_csv, evaluation_tex};
 pub use words::evaluation_text;

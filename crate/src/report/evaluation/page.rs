@@ -8,7 +8,7 @@ use super::tables::{assignment, maps, objects, regression, worst_sequences};
 use super::words::protocol;
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
-use crate::report::draw::{document, figure};
+use crate::report::draw::{document, figure, part};
 
 /// The page of an evaluation.
 ///
@@ -16,21 +16,10 @@ use crate::report::draw::{document, figure};
 /// When a figure cannot be drawn.
 pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
     let figures = evaluation_figures(report)?;
-    let title = match report.tc {
-        Some(tc) => format!("Tracking capability {tc:.3}"),
-        None => "Tracking capability unknown".to_owned(),
-    };
     let body = html! {
         p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
             (report.version) }
-        p.lead { (lead(report)) }
-        @if !report.warnings.is_empty() || !report.findings.is_empty() {
-            ul {
-                @for finding in &report.findings { li { (prose(&finding.text)) } }
-                @for warning in &report.warnings { li { (prose(warning)) } }
-            }
-        }
-        (objects(report).to_html())
+        (summary(report))
         p { (protocol(report)) }
         @for one in &figures { (figure(one, true)) }
         @if report.transform != "identity" { h2 { "Fitted maps" } (maps(report).to_html()) }
@@ -45,7 +34,42 @@ pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
         }
         (provenance(report))
     };
-    Ok(document(&title, &body))
+    Ok(document(&title(report), &body))
+}
+
+/// The evaluation as a part of another page, such as the output of a notebook: what is tracked, the
+/// table of the objects, and the figures.
+///
+/// # Errors
+/// When a figure cannot be drawn.
+pub fn evaluation_part(report: &EvaluationReport) -> Result<String> {
+    let figures = evaluation_figures(report)?;
+    let body = html! {
+        (summary(report))
+        @for one in &figures { (figure(one, true)) }
+    };
+    Ok(part(&title(report), &body))
+}
+
+fn title(report: &EvaluationReport) -> String {
+    match report.tc {
+        Some(tc) => format!("Tracking capability {tc:.3}"),
+        None => "Tracking capability unknown".to_owned(),
+    }
+}
+
+/// What is tracked, findings and warnings, and the errors of the objects.
+fn summary(report: &EvaluationReport) -> Markup {
+    html! {
+        p.lead { (lead(report)) }
+        @if !report.warnings.is_empty() || !report.findings.is_empty() {
+            ul {
+                @for finding in &report.findings { li { (prose(&finding.text)) } }
+                @for warning in &report.warnings { li { (prose(warning)) } }
+            }
+        }
+        (objects(report).to_html())
+    }
 }
 
 /// Text with names between backticks.
