@@ -5,7 +5,7 @@ mod extract;
 mod page;
 mod report;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -13,7 +13,7 @@ use clap::ValueEnum;
 use serde_json::Value;
 
 use crate::workspace::Workspace;
-use crate::{package, run, setup, site};
+use crate::{package, python, run, setup, site};
 
 /// How often each of the two is run, also when it is to be quick.
 const ROUNDS: usize = 5;
@@ -29,6 +29,9 @@ pub enum Subject {
     /// Extraction on the CPU with one and two threads, against ONNX Runtime, PyTorch eager and
     /// rten; then `page`.
     Extract,
+    /// The Python package's keypoints of a step of ten environments, beside PyTorch eager and ONNX
+    /// Runtime.
+    Step,
     /// A training step on all threads, against PyTorch eager.
     Train,
     /// The page in headless Chromium: extraction against onnxruntime-web, what is downloaded, the
@@ -56,6 +59,7 @@ pub fn run(workspace: &Workspace, subject: Subject, quick: bool) -> Result<()> {
             extract::run(workspace, rounds)?;
             page::run(workspace, rounds)
         }
+        Subject::Step => step(workspace, rounds),
         Subject::Train => train(workspace),
         Subject::Page => page::run(workspace, rounds),
         Subject::Report => report::run(workspace),
@@ -113,6 +117,26 @@ fn train(workspace: &Workspace) -> Result<()> {
             ours.push(timing(&mut bench)?);
         }
         println!("{}", comparison(&ours, &theirs)?);
+    }
+    Ok(())
+}
+
+/// In one process, in which the three take turns.
+fn step(workspace: &Workspace, rounds: usize) -> Result<()> {
+    let folder = workspace.python().join("bench");
+    let python = setup::python(workspace, "python-bench", &folder.join("requirements.txt"))?;
+    let wheel = python::wheel(workspace)?;
+    let anew = ["--no-deps", "--force-reinstall"].map(Path::new);
+    setup::pip_install(&python, anew.into_iter().chain([&*wheel]))?;
+    let made = extract::encoders(workspace)?;
+    for threads in extract::THREADS {
+        let mut bench = run::command(&python);
+        bench
+            .arg(folder.join("encoder_step.py"))
+            .arg(made.path())
+            .args(["--threads", &threads.to_string()])
+            .args(["--rounds", &rounds.to_string()]);
+        run::run(&mut bench)?;
     }
     Ok(())
 }

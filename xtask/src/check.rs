@@ -114,7 +114,13 @@ fn lints(workspace: &Workspace, steps: &mut Steps) {
     let run = |command: &mut Command| run_in(workspace, command);
     // A package at a time: with --workspace, the features of all of them together would have the
     // large dependencies checked once more.
-    for package in ["xtask", GRAPH, "tracklens-page-tests", "tracklens"] {
+    for package in [
+        "xtask",
+        GRAPH,
+        "tracklens-page-tests",
+        "tracklens-python",
+        "tracklens",
+    ] {
         steps.run(format!("clippy: {package}"), || {
             run(native_clippy(package)
                 .arg("--all-targets")

@@ -9,6 +9,7 @@ mod check;
 mod clean;
 mod fuzz;
 mod package;
+mod python;
 mod run;
 mod serve;
 mod setup;
@@ -36,7 +37,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Install what the build and the tests need and is missing: the wasm target, node, wasm-opt,
-    /// Mesa's lavapipe.
+    /// maturin, Mesa's lavapipe.
     Setup {
         /// Also what the tests of the page need: Chromium, Firefox and their drivers. Firefox's is
         /// built, which takes minutes.
@@ -71,11 +72,13 @@ enum Task {
         #[arg(long)]
         gpu: bool,
     },
+    /// Build the wheel of the Python package into `wheels` in cargo's target directory.
+    Python,
     /// Run the tests of the crates, of the command line and of the npm package; on request others,
     /// which install more or take longer.
     Test {
         /// Everything: also the page in headless Chromium and Firefox, ONNX Runtime, the recorder
-        /// of PandaPush, sweeps on Slurm and GNU parallel, the GPU on Mesa's lavapipe.
+        /// of PandaPush, the Python package, sweeps on Slurm and GNU parallel, the GPU on Mesa's lavapipe.
         #[arg(long)]
         all: bool,
         /// Also this part; may be given several times.
@@ -141,6 +144,7 @@ fn perform(task: Task) -> Result<()> {
             site::write(&workspace, &workspace.site(), gpu)?;
             serve::serve(&workspace.site(), port, open)
         }
+        Task::Python => python::wheel(&workspace).map(drop),
         Task::Test { all, mut with } => {
             if all {
                 with.extend(test::Part::ALL);

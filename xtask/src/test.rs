@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use crate::check::GRAPH;
 use crate::steps::Steps;
 use crate::workspace::Workspace;
-use crate::{package, run, setup, site};
+use crate::{package, python, run, setup, site};
 
 /// What is tested on request, because it installs much or takes long.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -20,6 +20,9 @@ pub enum Part {
     Onnx,
     /// The recorder of PandaPush, which installs PyBullet.
     Recorder,
+    /// The Python package: its wheel in an environment of its own, and beside the command, gymnasium
+    /// and Stable-Baselines3, which installs PyTorch.
+    Python,
     /// Sweeps on Slurm and GNU parallel, which need Linux and root.
     Cluster,
     /// The GPU, on Mesa's lavapipe; burn is built once more.
@@ -30,10 +33,11 @@ pub enum Part {
 
 impl Part {
     /// The parts of `--all`.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Page,
         Self::Onnx,
         Self::Recorder,
+        Self::Python,
         Self::Cluster,
         Self::Gpu,
     ];
@@ -43,6 +47,7 @@ impl Part {
             Self::Page => "the page in browsers",
             Self::Onnx => "exported encoders in ONNX Runtime",
             Self::Recorder => "recorder of PandaPush",
+            Self::Python => "Python package",
             Self::Cluster => "sweeps on Slurm and GNU parallel",
             Self::Gpu => "GPU on lavapipe",
             Self::PageGpu => "the page in browsers, with WebGPU",
@@ -113,6 +118,7 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
                     steps.blocked(part.name());
                 }
             }
+            Part::Python => python_tests(workspace, &mut steps),
             Part::Cluster => {
                 if steps
                     .run("set-up: Slurm and GNU parallel", setup::cluster)
@@ -224,6 +230,20 @@ fn onnx_tests(workspace: &Workspace) -> Result<()> {
             .arg(workspace.binary("tracklens"))
             .current_dir(workspace.root()),
     )
+}
+
+fn python_tests(workspace: &Workspace, steps: &mut Steps) {
+    let name = Part::Python.name();
+    let Some(wheel) = steps.run("Python wheel", || python::wheel(workspace)) else {
+        return steps.blocked(name);
+    };
+    steps.run("Python wheel in a clean environment", || {
+        python::clean_tests(workspace, &wheel)
+    });
+    steps.run(name, || {
+        build_binary(workspace)?;
+        python::tests(workspace, &wheel, &workspace.binary("tracklens"))
+    });
 }
 
 fn build_binary(workspace: &Workspace) -> Result<()> {

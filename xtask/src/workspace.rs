@@ -53,6 +53,11 @@ impl Workspace {
         self.root.join("pkg")
     }
 
+    /// The Python package.
+    pub fn python(&self) -> PathBuf {
+        self.root.join("python")
+    }
+
     /// The sources of the page.
     pub fn web(&self) -> PathBuf {
         self.root.join("web")

@@ -17,7 +17,7 @@ use crate::{run, setup};
 /// What is timed, in this order.
 const ENCODERS: [&str; 3] = ["basic", "keynet", "dsae"];
 const SIDES: [u32; 2] = [128, 256];
-const THREADS: [usize; 2] = [1, 2];
+pub const THREADS: [usize; 2] = [1, 2];
 const PROGRAMS: [&str; 4] = ["tracklens", "ONNX Runtime", "PyTorch eager", "rten"];
 
 /// What one run of a program prints: a line for every encoder and size, and the peak of a core.
@@ -62,30 +62,7 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
         &peers.join("requirements-onnx.txt"),
     )?;
     let torch = setup::python(workspace, "torch", &peers.join("requirements-torch.txt"))?;
-    let made = TempDir::new().context("no folder for the encoders")?;
-    let [tracklens, _] = programs(workspace)?;
-    let bench = || {
-        let mut cargo = run::cargo();
-        cargo.args([
-            "bench",
-            "--package=tracklens",
-            "--no-default-features",
-            "--features=cli",
-        ]);
-        cargo
-            .args(["--bench=extract", "--"])
-            .current_dir(workspace.root());
-        cargo
-    };
-    run::run(bench().arg("--checkpoints").arg(made.path()))?;
-    for encoder in ENCODERS {
-        let file = made.path().join(encoder);
-        let mut export = run::command(&tracklens);
-        export
-            .args(["export", "--checkpoint"])
-            .arg(file.with_extension("safetensors"));
-        run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
-    }
+    let made = encoders(workspace)?;
     let rten = rten(workspace, &peers)?;
     for threads in THREADS {
         let count = threads.to_string();
@@ -99,7 +76,7 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
             eager.arg(peers.join("extract_torch.py"));
             let mut rust = run::command(&rten);
             rust.arg(made.path());
-            let mut ours = bench();
+            let mut ours = bench(workspace);
             ours.arg("--json");
             for (command, runs) in [ours, python, eager, rust].iter_mut().zip(&mut runs) {
                 runs.push(timed(command.args(["--threads", &count]))?);
@@ -108,6 +85,39 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
         println!("{}", table(threads, &runs)?);
     }
     Ok(())
+}
+
+fn bench(workspace: &Workspace) -> Command {
+    let mut cargo = run::cargo();
+    cargo.args([
+        "bench",
+        "--package=tracklens",
+        "--no-default-features",
+        "--features=cli",
+    ]);
+    cargo
+        .args(["--bench=extract", "--"])
+        .current_dir(workspace.root());
+    cargo
+}
+
+/// A folder with the encoders, as checkpoints and as ONNX models.
+///
+/// # Errors
+/// They cannot be built or written.
+pub fn encoders(workspace: &Workspace) -> Result<TempDir> {
+    let made = TempDir::new().context("no folder for the encoders")?;
+    let [tracklens, _] = programs(workspace)?;
+    run::run(bench(workspace).arg("--checkpoints").arg(made.path()))?;
+    for encoder in ENCODERS {
+        let file = made.path().join(encoder);
+        let mut export = run::command(&tracklens);
+        export
+            .args(["export", "--checkpoint"])
+            .arg(file.with_extension("safetensors"));
+        run::run(export.arg("--onnx").arg(file.with_extension("onnx")))?;
+    }
+    Ok(made)
 }
 
 /// The peer that is written in Rust, built with the rest.

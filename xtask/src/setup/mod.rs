@@ -19,7 +19,7 @@ pub use gpu::lavapipe;
 pub use node::{
     NPM_LOCK, PAGE_PEERS, WasmOpt, axe, node, npm_packages, page_files, page_libraries, wasm_opt,
 };
-pub use python::python;
+pub use python::{fresh_python, maturin, pip_install, python};
 pub use wasm::{WasmToolchain, wasm_toolchain};
 
 pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
@@ -33,6 +33,7 @@ pub fn run(workspace: &Workspace, with_browsers: bool) -> Result<()> {
             browsers(workspace).map(drop)
         });
     }
+    steps.run("maturin", || maturin(workspace).map(drop));
     steps.run("lavapipe", || lavapipe().map(drop));
     steps.finish()
 }

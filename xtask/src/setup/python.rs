@@ -1,6 +1,7 @@
 //! Python, and virtual environments with pinned packages.
 
 use std::env::consts::OS;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -38,35 +39,16 @@ const USABLE: &str = "import ensurepip, sys, venv; sys.exit(sys.version_info < (
 pub fn python(workspace: &Workspace, name: &str, requirements: &Path) -> Result<PathBuf> {
     let pinned = fs::read_to_string(requirements)
         .with_context(|| format!("cannot read {}", requirements.display()))?;
-    let folder = workspace.tools().join("venv").join(name);
-    let python = folder.join(if OS == "windows" {
-        "Scripts/python.exe"
-    } else {
-        "bin/python"
-    });
+    let folder = folder(workspace, name);
+    let python = interpreter(&folder);
     let installed = folder.join("installed.txt");
     if fs::read_to_string(&installed).is_ok_and(|last| last == pinned)
         && run::succeeds(run::command(&python).arg("--version"))
     {
         return Ok(python);
     }
-    run::run(
-        run::command(system()?)
-            .args(["-m", "venv", "--clear"])
-            .arg(&folder),
-    )
-    .context("no virtual environment")?;
-    let mut pip = run::command(&python);
-    pip.args([
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-    ])
-    .arg("--requirement")
-    .arg(requirements);
-    run::run(&mut pip).with_context(|| {
+    fresh_python(workspace, name)?;
+    pip_install(&python, [Path::new("--requirement"), requirements]).with_context(|| {
         format!(
             "the packages of {} are not installed; pip needs its package index",
             requirements.display()
@@ -75,6 +57,61 @@ pub fn python(workspace: &Workspace, name: &str, requirements: &Path) -> Result<
     fs::write(&installed, pinned)
         .with_context(|| format!("cannot write {}", installed.display()))?;
     Ok(python)
+}
+
+/// The Python of a virtual environment that was just made, with nothing in it.
+///
+/// # Errors
+/// Python is missing and cannot be installed.
+pub fn fresh_python(workspace: &Workspace, name: &str) -> Result<PathBuf> {
+    let folder = folder(workspace, name);
+    run::run(
+        run::command(system()?)
+            .args(["-m", "venv", "--clear"])
+            .arg(&folder),
+    )
+    .context("no virtual environment")?;
+    Ok(interpreter(&folder))
+}
+
+/// Has pip install into an environment.
+///
+/// # Errors
+/// As pip.
+pub fn pip_install<A: AsRef<OsStr>>(
+    python: &Path,
+    arguments: impl IntoIterator<Item = A>,
+) -> Result<()> {
+    let mut pip = run::command(python);
+    pip.args([
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+    ]);
+    run::run(pip.args(arguments))
+}
+
+/// maturin, which builds the wheel of the Python package.
+///
+/// # Errors
+/// As [`python`].
+pub fn maturin(workspace: &Workspace) -> Result<PathBuf> {
+    let requirements = workspace.python().join("requirements.txt");
+    let python = python(workspace, "maturin", &requirements)?;
+    Ok(python.with_file_name(format!("maturin{}", std::env::consts::EXE_SUFFIX)))
+}
+
+fn folder(workspace: &Workspace, name: &str) -> PathBuf {
+    workspace.tools().join("venv").join(name)
+}
+
+fn interpreter(folder: &Path) -> PathBuf {
+    folder.join(match OS {
+        "windows" => "Scripts/python.exe",
+        _ => "bin/python",
+    })
 }
 
 /// A Python that can make virtual environments.
