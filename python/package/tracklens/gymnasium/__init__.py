@@ -7,6 +7,7 @@ with one batch of frames for all of them.
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,21 +18,19 @@ __all__ = ["KeypointObservation", "VecKeypointObservation"]
 
 
 def __getattr__(name: str) -> Any:
-    """Imports gymnasium and Stable-Baselines3 when their wrapper is asked for, as both are optional."""
+    """Imports gymnasium and Stable-Baselines3 when their wrapper is asked for: both are optional."""
+    if name == "KeypointObservation":
+        module, extra = "_env", "gymnasium"
+    elif name == "VecKeypointObservation":
+        module, extra = "_vec_env", "sb3"
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        if name == "KeypointObservation":
-            from ._env import KeypointObservation
-
-            return KeypointObservation
-        if name == "VecKeypointObservation":
-            from ._vec_env import VecKeypointObservation
-
-            return VecKeypointObservation
+        return getattr(import_module(f".{module}", __name__), name)
     except ModuleNotFoundError as missing:
-        extra = {"gymnasium": "gymnasium", "stable_baselines3": "sb3"}.get(missing.name or "")
-        if extra is None:
+        if missing.name not in ("gymnasium", "stable_baselines3"):
             raise
         raise ImportError(
-            f"{name} needs the package {missing.name}; install it with pip install 'tracklens[{extra}]'"
+            f"{name} needs the package {missing.name}; install it with "
+            f"pip install 'tracklens[{extra}]'"
         ) from missing
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
