@@ -1,4 +1,4 @@
-"""Time of the keypoints of a step of several environments: tracklens beside PyTorch and ONNX Runtime.
+"""Time of the keypoints of a step of several environments, beside PyTorch and ONNX Runtime.
 
     python encoder_step.py FOLDER [--environments 10] [--threads 1] [--rounds 9]
 
@@ -20,9 +20,8 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import torch
-from torch import nn
-
 import tracklens
+from torch import nn
 
 PEERS = Path(__file__).resolve().parents[2] / "crate" / "benches" / "peers"
 sys.path.insert(0, str(PEERS))
@@ -32,7 +31,11 @@ from train_step_torch import SpatialSoftArgmax, basic_encoder, keynet_encoder  #
 
 Step = Callable[[np.ndarray], np.ndarray]
 
-ENCODERS = {"basic": lambda: basic_encoder(16), "keynet": lambda: keynet_encoder(30), "dsae": lambda: dsae_encoder(16)}
+ENCODERS = {
+    "basic": lambda: basic_encoder(16),
+    "keynet": lambda: keynet_encoder(30),
+    "dsae": lambda: dsae_encoder(16),
+}
 SIDES = (64, 256)
 
 
@@ -99,7 +102,9 @@ def main() -> None:
     for name in ENCODERS:
         file = arguments.folder / name
         steps = {
-            "tracklens": tracklens.Encoder(file.with_suffix(".safetensors"), threads=arguments.threads),
+            "tracklens": tracklens.Encoder(
+                file.with_suffix(".safetensors"), threads=arguments.threads
+            ),
             "PyTorch": of_torch(name),
             "ONNX Runtime": of_onnxruntime(file.with_suffix(".onnx"), arguments.threads),
         }
@@ -109,11 +114,8 @@ def main() -> None:
             check(steps, frames)
             took = medians(steps, frames, arguments.rounds)
             ours, eager, runtime = (took[program] for program in steps)
-            print(
-                f"| {name} | {side} | {ours:.1f} | {eager:.1f} | {eager / ours:.1f} | {runtime:.1f} | "
-                f"{runtime / ours:.1f} |",
-                flush=True,
-            )
+            peers = (f"{peer:.1f} | {peer / ours:.1f}" for peer in (eager, runtime))
+            print(f"| {name} | {side} | {ours:.1f} | {' | '.join(peers)} |", flush=True)
 
 
 main()

@@ -22,7 +22,7 @@ use tracklens::weights::{model_settings, read_checkpoint, read_onnx};
 use crate::errors::{exception, input, wrong_type};
 use crate::frames::{Batch, as_array};
 
-/// Frames that are copied and extracted at a time: what bounds the memory, and how long Ctrl-C waits.
+/// Frames that are copied and extracted at a time: it bounds the memory, and how long Ctrl-C waits.
 const BLOCK: usize = 64;
 
 /// See `_tracklens.pyi`.
@@ -57,7 +57,8 @@ impl Detector {
         let Some(bytes) = read_onnx(path)? else {
             if settings.is_some() {
                 return Err(place(Error::mismatch(
-                    "`settings` are for ONNX models and say nothing of a checkpoint of tracklens; leave them out",
+                    "`settings` are for ONNX models and say nothing of a checkpoint of tracklens; \
+                     leave them out",
                 )));
             }
             let encoder = CpuExtractor::new(&read_checkpoint(path, key)?).map_err(place)?;
@@ -318,8 +319,8 @@ impl Encoder {
             return Ok(());
         }
         let message = format!(
-            "the frames have {width} x {height} pixels and are resized to {to_width} x {to_height}, the input size of {}, \
-             as in training",
+            "the frames have {width} x {height} pixels and are resized to {to_width} x \
+             {to_height}, the input size of {}, as in training",
             self.path.display()
         );
         let message = std::ffi::CString::new(message).map_err(|e| wrong_type(e.to_string()))?;

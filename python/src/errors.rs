@@ -48,13 +48,13 @@ fn made(py: Python<'_>, error: &Error) -> PyResult<PyErr> {
 /// What helps, in the words of this package.
 fn hint(reason: &Reason) -> Option<&'static str> {
     match reason {
-        Reason::MissingImageSize => Some(
-            "give image_size=(width, height), or say that the positions are in ndc with space=\"ndc\"",
-        ),
+        Reason::MissingImageSize => {
+            Some("give image_size=(width, height), or space=\"ndc\" where the positions are in ndc")
+        }
         Reason::NonFinite { .. } => Some("non_finite=\"exclude-frame\" leaves such frames out"),
-        Reason::DetectorSettings { .. } => Some(
-            "say it with settings={...}, the keys of docs/detectors.md, or in a file beside the model",
-        ),
+        Reason::DetectorSettings { .. } => {
+            Some("say it with settings={...} (docs/detectors.md), or in a file beside the model")
+        }
         _ => None,
     }
 }

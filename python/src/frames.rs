@@ -115,14 +115,16 @@ fn check_shape(shape: &[usize]) -> PyResult<()> {
             _ => "",
         };
         return Err(input(format!(
-            "the frames have shape {shape:?}: axis 3 (channels) has {channels}; expected 3, red, green and blue{first}"
+            "the frames have shape {shape:?}: axis 3 (channels) has {channels}; expected 3, red, \
+             green and blue{first}"
         )));
     }
     let sides = [(1, "height", height), (2, "width", width)];
     let fits = |side: usize| u32::try_from(side).is_ok_and(|s| (MIN_SIDE..=MAX_SIDE).contains(&s));
     match sides.into_iter().find(|(_, _, side)| !fits(*side)) {
         Some((axis, name, side)) => Err(input(format!(
-            "the frames have shape {shape:?}: axis {axis} ({name}) has {side} pixels; expected {MIN_SIDE} to {MAX_SIDE}"
+            "the frames have shape {shape:?}: axis {axis} ({name}) has {side} pixels; expected \
+             {MIN_SIDE} to {MAX_SIDE}"
         ))),
         None => Ok(()),
     }

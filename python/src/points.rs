@@ -31,7 +31,8 @@ impl<'py> Sequences<'py> {
         let found = array.shape().len();
         if found != dimensions && found != dimensions + 1 {
             return Err(input(format!(
-                "`{name}` has shape {:?}, {found} axes; expected [S, {axes}], [{axes}] of one sequence, or a list of [{axes}]",
+                "`{name}` has shape {:?}, {found} axes; expected [S, {axes}], [{axes}] of one \
+                 sequence, or a list of [{axes}]",
                 array.shape()
             )));
         }

@@ -1,13 +1,12 @@
 """What works where the wheel was installed alone, without the optional packages:
 
-    python clean_environment.py
+python clean_environment.py
 """
 
 import importlib.metadata
 from pathlib import Path
 
 import numpy as np
-
 import tracklens
 import tracklens.gymnasium
 

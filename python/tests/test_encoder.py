@@ -10,9 +10,8 @@ import warnings
 
 import numpy as np
 import pytest
-from conftest import CHECKPOINTS, GOLDEN, REPOSITORY, SIZED, TINY, tensors
-
 import tracklens
+from conftest import CHECKPOINTS, GOLDEN, REPOSITORY, SIZED, TINY, tensors
 from tracklens import Encoder
 
 ONNX = REPOSITORY / "tests" / "data" / "onnx"
@@ -111,7 +110,9 @@ def test_wrong_shapes_and_types_are_named(frames, error, message):
 def test_floats_outside_0_to_1_are_named_with_frame_and_pixel(value, dtype):
     frames = np.zeros((3, 32, 40, 3), dtype)
     frames[2, 5, 7, 1] = value
-    with pytest.raises(tracklens.InputError, match=r"frame 2: .* of pixel \(7, 5\) is not within 0 to 1"):
+    with pytest.raises(
+        tracklens.InputError, match=r"frame 2: .* of pixel \(7, 5\) is not within 0 to 1"
+    ):
         Encoder(TINY)(frames)
 
 

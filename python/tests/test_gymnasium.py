@@ -3,11 +3,10 @@
 import gymnasium
 import numpy as np
 import pytest
+import tracklens
 from conftest import TINY
 from environment import Point
 from gymnasium.utils.env_checker import check_env
-
-import tracklens
 from tracklens import Encoder
 from tracklens.gymnasium import KeypointObservation
 

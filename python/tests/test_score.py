@@ -1,13 +1,12 @@
-"""`score` and `Evaluation` against the command, the authors' metric, and what is wrong with arrays."""
+"""`score` and `Evaluation` against the command and the authors' metric; wrong arrays."""
 
 import json
 import pickle
 
 import numpy as np
 import pytest
-from conftest import GOLDEN, moving
-
 import tracklens
+from conftest import GOLDEN, moving
 from tracklens import Evaluation, score
 
 METRIC = sorted((GOLDEN / "metric").glob("*.json"))
@@ -129,7 +128,12 @@ def test_sequences_may_differ_in_length(terminal, tmp_path, rng):
     ("keypoints", "truth", "error", "message"),
     [
         ((5, 4, 3), (5, 2, 2), ValueError, "`keypoints`, sequence 0: the last axis has 3 numbers"),
-        ((2, 5, 4, 2), (2, 5, 2, 1), ValueError, "`truth`, sequence 0: the last axis has 1 numbers"),
+        (
+            (2, 5, 4, 2),
+            (2, 5, 2, 1),
+            ValueError,
+            "`truth`, sequence 0: the last axis has 1 numbers",
+        ),
         ((5, 2), (5, 2, 2), ValueError, r"`keypoints` has shape \[5, 2\], 2 axes; expected"),
         ((2, 0, 4, 2), (2, 5, 2, 2), ValueError, "sequence 0: the axis of frames is empty"),
         ((2, 5, 0, 2), (2, 5, 2, 2), ValueError, "sequence 0: the axis of points is empty"),
@@ -143,7 +147,9 @@ def test_wrong_shapes_name_the_axis(keypoints, truth, error, message):
 
 def test_sequences_that_do_not_fit_together_are_named(rng):
     truth = [np.zeros((4, 2, 2)), np.zeros((5, 2, 2))]
-    with pytest.raises(tracklens.InputError, match="sequence 1: the axis of points has 3; expected 4"):
+    with pytest.raises(
+        tracklens.InputError, match="sequence 1: the axis of points has 3; expected 4"
+    ):
         score([np.zeros((4, 4, 2)), np.zeros((5, 3, 2))], truth)
     points = [np.zeros((4, 4, 2)), np.zeros((5, 4, 2))]
     with pytest.raises(tracklens.InputError, match="confidences of `keypoints`, sequence 1"):
@@ -213,7 +219,10 @@ def test_an_evaluation_tells_what_it_found(rng):
     assert evaluation.to_csv().splitlines()[0].startswith("object,tracked,error")
     assert "tabular" in evaluation.to_latex()
     assert str(evaluation).startswith("Tracking capability") and "TC" in repr(evaluation)
-    for again in (Evaluation.from_json(evaluation.to_json()), pickle.loads(pickle.dumps(evaluation))):
+    for again in (
+        Evaluation.from_json(evaluation.to_json()),
+        pickle.loads(pickle.dumps(evaluation)),
+    ):
         assert again.to_dict() == evaluation.to_dict()
 
 

@@ -3,13 +3,12 @@
 import gymnasium
 import numpy as np
 import pytest
+import tracklens
 from conftest import TINY
 from environment import Point
 from gymnasium.wrappers import AddRenderObservation
 from stable_baselines3 import SAC
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
-
-import tracklens
 from tracklens import Encoder
 from tracklens.gymnasium import KeypointObservation, VecKeypointObservation
 
@@ -73,7 +72,11 @@ def test_only_some_environments_end(encoder):
     venv.reset()
     _, _, dones, infos = venv.step(np.zeros((COUNT, 2), np.float32))
     assert dones.tolist() == [True, False, True]
-    assert [info.get("terminal_observation", np.empty(0)).shape for info in infos] == [(8,), (0,), (8,)]
+    assert [info.get("terminal_observation", np.empty(0)).shape for info in infos] == [
+        (8,),
+        (0,),
+        (8,),
+    ]
 
 
 def test_observations_may_be_frames_themselves(encoder):

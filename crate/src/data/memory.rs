@@ -47,8 +47,8 @@ impl PointSequences {
     /// `name` says in messages what they are.
     ///
     /// # Errors
-    /// When an axis has not the length it should; the message names it. When the points are in pixels
-    /// and the size of the images is not known.
+    /// When an axis has not the length it should; the message names it. When the points are in
+    /// pixels and the size of the images is not known.
     pub fn new(
         name: &'static str,
         sequences: &[ArrayView3<f64>],
@@ -108,8 +108,8 @@ impl PointSequences {
     /// `point_0`, `point_1`, …
     ///
     /// # Errors
-    /// When a position is infinite, when there is not one name for each point, or not one confidence
-    /// for each position.
+    /// When a position is infinite, when there is not one name for each point, or not one
+    /// confidence for each position.
     pub fn into_truth(mut self, names: Option<Vec<String>>) -> Result<Parsed<GroundTruth>> {
         if let Some(names) = names {
             self.0.names = names;
@@ -151,8 +151,8 @@ fn joined(
     for (s, (one, frames)) in all.iter().zip(lengths).enumerate() {
         if one.dim() != (*frames, points) {
             return Err(Error::input(format!(
-                "the confidences of `{name}`, sequence {s}, have shape {:?}; expected [{frames}, {points}], one number for \
-                 each point",
+                "the confidences of `{name}`, sequence {s}, have shape {:?}; expected [{frames}, \
+                 {points}], one number for each point",
                 one.shape()
             )));
         }

@@ -66,8 +66,8 @@ def score(
 
     - `names`: of the K objects; `point_0`, `point_1`, … without them. `objects`: only these, in
       this order.
-    - `confidence`, `truth_confidence`: how sure each point is, `[S, T, N]` and `[S, T, K]`, or lists
-      as above; `min_confidence`, `truth_min_confidence`: what is less sure counts as missing;
+    - `confidence`, `truth_confidence`: how sure each point is, `[S, T, N]`, `[S, T, K]` or lists as
+      above; `min_confidence`, `truth_min_confidence`: what is less sure counts as missing;
       `confidence_levels`: where the TC is also given.
     - `image_size`: width and height in pixels, for positions and errors in pixels.
     - `transform`, `rank`, `non_finite`, `rare_keypoints`: how maps are fitted, and on what.

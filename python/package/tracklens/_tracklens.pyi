@@ -88,7 +88,7 @@ class Evaluation:
 
     @staticmethod
     def from_json(text: str) -> Evaluation:
-        """Reads what `to_json` or `tracklens score --json` wrote, of this version or an older one."""
+        """Reads what `to_json` or `tracklens score --json` wrote, also of an older version."""
 
     @property
     def tc(self) -> float | None:

@@ -18,7 +18,7 @@ __all__ = ["KeypointObservation", "VecKeypointObservation"]
 
 
 def __getattr__(name: str) -> Any:
-    """Imports gymnasium and Stable-Baselines3 when their wrapper is asked for: both are optional."""
+    """Imports gymnasium and Stable-Baselines3, which are optional, with their wrappers."""
     if name == "KeypointObservation":
         module, extra = "_env", "gymnasium"
     elif name == "VecKeypointObservation":

@@ -36,9 +36,9 @@ class KeypointObservation(gymnasium.ObservationWrapper[NDArray[np.float32], Any,
         super().__init__(env)
         if frame is None and env.render_mode != "rgb_array":
             raise InputError(
-                f"the environment has render_mode={env.render_mode!r}; expected \"rgb_array\", as in "
-                'gymnasium.make(ID, render_mode="rgb_array"), or `frame` to take the frame out of an '
-                "observation"
+                f'the environment has render_mode={env.render_mode!r}; expected "rgb_array", as in '
+                'gymnasium.make(ID, render_mode="rgb_array"), or `frame` to take the frame out '
+                "of an observation"
             )
         self.encoder = encoder
         self.frame = frame

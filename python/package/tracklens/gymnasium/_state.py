@@ -41,7 +41,7 @@ class KeypointState:
         if others.size != count * self.others:
             raise InputError(
                 f"`state` gives {others.size} numbers for {count} observations; expected "
-                f"{self.others} for each, as for a sample of the observation space. A batch has one "
-                "axis more in front: take parts as in lambda o: o['observation'][..., :6]"
+                f"{self.others} for each, as for a sample of the observation space. A batch has "
+                "one axis more in front: take parts as in lambda o: o['observation'][..., :6]"
             )
         return np.concatenate([points, others.reshape(count, self.others)], axis=1)

@@ -20,8 +20,8 @@ RENDERED = "pixels"
 
 
 class VecKeypointObservation(VecEnvWrapper):
-    """Observations are the keypoints of the frames in them, `float32 [B, 2 N + E]`: x and y of the N
-    keypoints one after the other, then the E numbers of `state`.
+    """Observations are the keypoints of the frames in them, `float32 [B, 2 N + E]`: x and y of the
+    N keypoints one after the other, then the E numbers of `state`.
 
     The frames of all B environments go through the encoder together, with those of the terminal
     observations: an environment that ended is reset before its observation arrives, so its last
@@ -50,9 +50,9 @@ class VecKeypointObservation(VecEnvWrapper):
         if found is None:
             raise InputError(
                 f"the observations hold no frames ({venv.observation_space}); expected uint8 "
-                "[H, W, 3]: wrap every environment, made with render_mode=\"rgb_array\", in "
-                "gymnasium.wrappers.AddRenderObservation before it is vectorised, or give `frame` to "
-                "take the frames out of an observation"
+                '[H, W, 3]: wrap every environment, made with render_mode="rgb_array", in '
+                "gymnasium.wrappers.AddRenderObservation before it is vectorised, or give `frame` "
+                "to take the frames out of an observation"
             )
         self.encoder = encoder
         self.frame: Part = found
