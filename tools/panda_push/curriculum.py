@@ -21,7 +21,8 @@ from functools import cache
 from pathlib import Path
 
 import record
-from record import Environment, FloatArray, Sequence, np
+from record import Sequence, np
+from scene import Environment, FloatArray
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = 128
