@@ -291,3 +291,17 @@ def test_the_points_are_where_the_recorder_sees_them():
 def test_states_hold_no_code(tmp_path, whole_run):
     tensors = torch.load(whole_run / "state.pt", weights_only=True)
     assert len(tensors["replay"]["actions"]) == 25
+
+
+def test_the_notebook_runs(monkeypatch):
+    tracklens = pytest.importorskip("tracklens", reason="the wheel of tracklens is not installed")
+    docs = TOOL.parents[1] / "docs"
+    monkeypatch.chdir(docs)
+    notebook = json.loads((docs / "rl.ipynb").read_text(encoding="utf-8"))
+    names: dict = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), "rl.ipynb", "exec"), names)
+    assert isinstance(names["evaluation"], tracklens.Evaluation)
+    assert names["evaluation"].objects["cube"]["tracked"]
+    assert names["venv"].observation_space.shape == (2 * names["encoder"].keypoints + 6,)
