@@ -71,8 +71,17 @@ def load_encoder(path: Path, threads: int) -> Any:
         ) from error
     try:
         return tracklens.Encoder(path, threads=threads)
-    except tracklens.TracklensError as error:
+    except encoder_errors() as error:
         raise RunError(str(error), BAD_INPUT) from error
+
+
+def encoder_errors() -> tuple[type[Exception], ...]:
+    """What tracklens raises, where it is installed."""
+    try:
+        from tracklens import TracklensError
+    except ModuleNotFoundError:
+        return ()
+    return (TracklensError,)
 
 
 def new_agent(config: RunConfig, venv: VecEnv) -> SAC:

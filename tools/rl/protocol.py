@@ -105,6 +105,8 @@ class Checkpoint:
     @classmethod
     def of(cls, path: Path) -> Checkpoint:
         """Reads the file."""
+        if path.exists() and not path.is_file():
+            raise RunError(f"{path} is no file; expected a checkpoint", IO_FAILED)
         try:
             return cls(zlib.crc32(path.read_bytes()))
         except OSError as error:

@@ -97,8 +97,14 @@ class RunFolder:
         What the log has beyond is of steps that are done again; it is dropped.
         """
         if not self.state.exists():
-            if self.log.exists():
-                self.log.unlink()
+            # A run that ended before it was first saved has one line at most.
+            if len(self.evaluations()) > 1:
+                raise RunError(
+                    f"{self.state} is missing, without which the run cannot go on; restore it, or "
+                    "start again in another folder",
+                    BAD_INPUT,
+                )
+            self.log.unlink(missing_ok=True)
             return None
         tensors = read_state(self.state)
         header = json.loads(tensors.pop("header"))

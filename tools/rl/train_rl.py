@@ -29,6 +29,7 @@ try:
     import agent
     from environment import MESHES, REWARDS, STATES, TASKS
     from protocol import (
+        BAD_INPUT,
         CANCELLED,
         IO_FAILED,
         PROTOCOLS,
@@ -424,6 +425,9 @@ def main(argv: list[str] | None = None) -> int:
     except RunError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.code
+    except agent.encoder_errors() as error:
+        print(f"error: {error}", file=sys.stderr)
+        return BAD_INPUT
     except OSError as error:
         print(f"error: {error}", file=sys.stderr)
         return IO_FAILED

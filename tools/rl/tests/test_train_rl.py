@@ -199,6 +199,15 @@ def test_a_damaged_state_is_refused(tmp_path, whole_run, capsys):
     assert "damaged" in refused(capsys, arguments(run, "--resume", steps=420), 3)
 
 
+def test_a_run_without_its_state_is_refused(tmp_path, whole_run, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(whole_run, run)
+    (run / "state.pt").unlink()
+    before = (run / "log.jsonl").read_bytes()
+    assert "state.pt is missing" in refused(capsys, arguments(run, "--resume", steps=420), 3)
+    assert (run / "log.jsonl").read_bytes() == before
+
+
 def test_two_processes_do_not_work_on_one_run(tmp_path, capsys):
     run = tmp_path / "run"
     process = subprocess.Popen(command(run, steps=20_000))
@@ -229,6 +238,10 @@ def test_a_checkpoint_that_is_none_is_refused(tmp_path, capsys):
     missing = f"--checkpoint={tmp_path / 'none.safetensors'}"
     said = refused(capsys, arguments(tmp_path / "run", missing, state="keypoints"), 1)
     assert "none.safetensors" in said
+    folder = f"--checkpoint={tmp_path}"
+    assert "is no file" in refused(
+        capsys, arguments(tmp_path / "run", folder, state="keypoints"), 1
+    )
     pytest.importorskip("tracklens", reason="the wheel of tracklens is not installed")
     text = tmp_path / "text.safetensors"
     text.write_text("no weights")
