@@ -90,7 +90,7 @@ class Training:
         self.agent = agent.new_agent(config, training)
         self.agent.set_logger(logger(folder.path))
         self.seconds = 0.0
-        self.resumed = self.started = time.monotonic()
+        self.started = time.monotonic()
         restored = folder.restore(config)
         if restored:
             header, tensors = restored
