@@ -94,6 +94,7 @@ def new_agent(config: RunConfig, venv: VecEnv) -> SAC:
         learning_starts=config.learning_starts,
         batch_size=config.batch,
         gamma=config.discount,
+        ent_coef=f"auto_{config.entropy}",
         gradient_steps=config.updates_per_step * config.environments,
         policy_kwargs={"net_arch": list(config.network)},
         seed=config.seed,

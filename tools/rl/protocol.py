@@ -48,6 +48,8 @@ class Protocol:
     """Adam's."""
     discount: float
     """Of the reward a step later."""
+    entropy: float
+    """The coefficient of the policy's entropy that its learning starts from."""
     network: tuple[int, ...]
     """Units of the hidden layers of the actor and of each critic."""
     size: int
@@ -71,6 +73,7 @@ PROTOCOLS = {
         buffer=1_000_000,
         learning_rate=3e-4,
         discount=0.99,
+        entropy=1.0,
         network=(256, 256),
         size=256,
         meshes="paper",
@@ -88,6 +91,7 @@ PROTOCOLS = {
         buffer=100_000,
         learning_rate=1e-3,
         discount=0.95,
+        entropy=0.05,
         network=(64, 64),
         size=64,
         meshes="simple",
@@ -137,6 +141,7 @@ class RunConfig:
     buffer: int
     learning_rate: float
     discount: float
+    entropy: float
     network: tuple[int, ...]
 
     @classmethod

@@ -285,6 +285,7 @@ SETTINGS: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "buffer": (whole_number(1), "N", "transitions that the replay buffer holds"),
     "learning_rate": (number_within(0, 1), "RATE", "Adam's"),
     "discount": (number_within(0, 1), "GAMMA", "of the reward a step later"),
+    "entropy": (number_within(0, 100), "COEF", "entropy coefficient that learning starts from"),
     "network": (layers, "UNITS", "of hidden layers, e.g. 256,256"),
     "size": (whole_number(16, 1024), "PX", "side of the frames that an encoder sees"),
 }
