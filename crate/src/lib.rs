@@ -60,6 +60,8 @@ pub mod intake;
 mod memory;
 #[cfg(feature = "model")]
 pub mod model;
+#[cfg(feature = "data")]
+mod pickle;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(feature = "data")]

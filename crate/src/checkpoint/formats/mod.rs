@@ -9,7 +9,7 @@ mod burnpack;
 mod choice;
 mod contents;
 mod element;
-mod pickle;
+mod json;
 mod pytorch;
 mod safetensors;
 
@@ -21,6 +21,7 @@ pub(super) use element::not_float;
 
 use super::Tensor;
 use crate::error::{Error, Result};
+use crate::pickle;
 
 /// The container that weights are stored in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -44,7 +45,7 @@ impl Format {
             let is_torch = name.windows(8).any(|part| part == b"data.pkl");
             return is_torch.then_some(Self::PyTorch);
         }
-        if pickle::is_legacy(head) {
+        if pytorch::is_legacy(head) {
             return Some(Self::PyTorch);
         }
         if head.starts_with(burnpack::MAGIC) {

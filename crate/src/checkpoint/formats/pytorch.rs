@@ -14,9 +14,10 @@ use serde_json::Value;
 use super::choice::{Choice, WEIGHTS, Wanted};
 use super::contents::Contents;
 use super::element::{Element, count, is_counter};
-use super::pickle::{Id, Node, Pickle, ToJson, is_legacy};
+use super::json::ToJson;
 use crate::checkpoint::Tensor;
 use crate::error::{Error, Result};
+use crate::pickle::{Fault, Id, MOST_VALUES, Node, Pickle};
 
 /// Entries saved with the weights that are of no use without the script.
 const STATES: [&str; 3] = ["optimizer", "scheduler", "scaler"];
@@ -26,6 +27,24 @@ const LARGEST_PICKLE: usize = 16 << 20;
 const DEPTH: usize = 8;
 /// The weights of a policy in the archive that Stable-Baselines3 saves.
 const POLICY: &str = "policy.pth";
+
+/// Whether the bytes begin as `torch.save` began them before 1.6: with a pickle of a magic number.
+pub fn is_legacy(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.")
+}
+
+/// The error of a pickle of `size` bytes.
+fn unreadable(fault: Fault, size: usize) -> Error {
+    Error::input(match fault {
+        Fault::TooManyValues => format!(
+            "the pickle has more than {MOST_VALUES} values besides the weights; save only model.state_dict()"
+        ),
+        Fault::At { position, code } => format!(
+            "the pickle cannot be read at byte {position} of {size} (code 0x{code:02x}); the file is damaged or torch.save \
+             did not write it"
+        ),
+    })
+}
 
 /// Reads the policy in an archive of Stable-Baselines3; `None` where it is none.
 pub fn read_policy(bytes: &[u8], wanted: Wanted) -> Result<Option<Contents>> {
@@ -62,7 +81,7 @@ pub fn read(bytes: &[u8], wanted: Wanted) -> Result<Contents> {
             stored.len()
         )));
     }
-    let pickle = Pickle::read(stored)?;
+    let pickle = Pickle::read(stored).map_err(|fault| unreadable(fault, stored.len()))?;
     let storage = |key: &str| archive.entry(&format!("data/{key}"));
     contents(&pickle, wanted, bytes.len(), storage)
 }
@@ -88,7 +107,8 @@ impl<'a> Legacy<'a> {
             if rest.is_empty() {
                 return Err(cut());
             }
-            let (pickle, length) = Pickle::read_first(rest)?;
+            let (pickle, length) =
+                Pickle::read_first(rest).map_err(|fault| unreadable(fault, rest.len()))?;
             rest = &rest[length..];
             Ok(pickle)
         };

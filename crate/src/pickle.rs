@@ -1,28 +1,22 @@
-//! Python's pickle as far as `torch.save` goes: read without calling anything.
+//! Python's pickle: read without calling anything.
 //!
 //! Classes and functions stay names, and what they would make of their arguments stays name and
 //! arguments, so that a file can neither run code nor fail because a class is not known here.
+//! Protocols 2 to 5 are read as far as PyTorch and numpy go, protocol 0 as far as PyTables goes.
 
 use std::collections::HashMap;
-
-use serde_json::{Map, Value};
-
-use crate::error::{Error, Result};
+use std::fmt;
+use std::ops::Range;
 
 /// The index of a value in its [`Pickle`]. Values may hold each other in circles.
 pub type Id = usize;
 
 /// Values that a pickle may have. The pickle of a checkpoint has a few thousand; a byte makes a
 /// value that takes 40.
-const MOST_VALUES: usize = 1 << 19;
+pub const MOST_VALUES: usize = 1 << 19;
 /// Bytes of class names for each byte of the pickle, since a pickle may put one name together many
 /// times.
 const NAMES: usize = 16;
-/// What the JSON of one value may cost: a byte of text costs 1, a value [`VALUE`].
-const MOST_OF_ONE: usize = 1 << 19;
-/// What the JSON of all values of a pickle may cost.
-const MOST_OF_ALL: usize = 1 << 22;
-const VALUE: usize = 16;
 
 /// A value.
 #[derive(Debug)]
@@ -47,8 +41,31 @@ pub enum Node {
     },
     /// What the pickle says of something stored outside of it.
     Persistent(Id),
-    /// Bytes, numbers of more than 64 bits, and what objects make.
+    /// Where bytes lie in the pickle.
+    Bytes(Range<usize>),
+    /// Numbers of more than 64 bits, and what objects make.
     Other,
+}
+
+/// Why a pickle cannot be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// It has more than [`MOST_VALUES`].
+    TooManyValues,
+    /// It makes no sense at this byte, or has an opcode that is not read here.
+    At { position: usize, code: u8 },
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooManyValues => write!(f, "the pickle has more than {MOST_VALUES} values"),
+            Self::At { position, code } => write!(
+                f,
+                "the pickle cannot be read at byte {position} (code 0x{code:02x})"
+            ),
+        }
+    }
 }
 
 /// A pickle's values.
@@ -63,22 +80,24 @@ pub fn is_pickle(bytes: &[u8]) -> bool {
     matches!(bytes, [0x80, 2..=5, ..])
 }
 
-/// Whether the bytes begin as `torch.save` began them before 1.6: with a pickle of a magic number.
-pub fn is_legacy(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.")
-}
-
 impl Pickle {
     /// Reads a pickle.
-    pub fn read(bytes: &[u8]) -> Result<Self> {
+    ///
+    /// # Errors
+    /// When it is damaged, asks for what is not read here, or is too large.
+    pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
         Self::read_first(bytes).map(|(pickle, _)| pickle)
     }
 
     /// Reads a pickle that other bytes may follow, and says how many bytes it has.
-    pub fn read_first(bytes: &[u8]) -> Result<(Self, usize)> {
+    ///
+    /// # Errors
+    /// As [`Pickle::read`].
+    pub fn read_first(bytes: &[u8]) -> Result<(Self, usize), Fault> {
         let mut machine = Machine {
             input: bytes,
             position: 0,
+            is_text: bytes.first() != Some(&0x80),
             nodes: Vec::new(),
             stack: Vec::new(),
             marks: Vec::new(),
@@ -87,17 +106,11 @@ impl Pickle {
         };
         let root = machine.run().ok_or_else(|| {
             if machine.nodes.len() >= MOST_VALUES {
-                return Error::input(format!(
-                    "the pickle has more than {MOST_VALUES} values besides the weights; save only model.state_dict()"
-                ));
+                return Fault::TooManyValues;
             }
             let position = machine.position.saturating_sub(1);
             let code = bytes.get(position).copied().unwrap_or_default();
-            Error::input(format!(
-                "the pickle cannot be read at byte {position} of {} (code 0x{code:02x}); the file is damaged or torch.save \
-                 did not write it",
-                bytes.len()
-            ))
+            Fault::At { position, code }
         })?;
         let pickle = Self {
             nodes: machine.nodes,
@@ -174,91 +187,6 @@ impl Pickle {
             _ => None,
         }
     }
-
-    /// `left` ends what repeats itself, `depth` what holds itself.
-    fn json_within(&self, id: Id, depth: usize, left: &mut usize) -> Option<Value> {
-        let depth = depth.checked_sub(1)?;
-        pay(left, VALUE)?;
-        let mut paid = |text: &str| pay(left, text.len()).map(|()| text.to_owned());
-        Some(match self.node(id) {
-            Node::None | Node::Other => Value::Null,
-            Node::Bool(value) => (*value).into(),
-            Node::Int(value) => (*value).into(),
-            Node::Float(value) => (*value).into(),
-            Node::Text(text) => paid(text)?.into(),
-            Node::List(items) => items
-                .iter()
-                .map(|item| self.json_within(*item, depth, left))
-                .collect::<Option<Vec<_>>>()?
-                .into(),
-            Node::Dict(entries) => {
-                let mut map = Map::new();
-                for (key, value) in entries {
-                    let key = match self.node(*key) {
-                        Node::Text(text) => {
-                            pay(left, text.len())?;
-                            text.clone()
-                        }
-                        Node::Int(number) => number.to_string(),
-                        _ => continue,
-                    };
-                    map.insert(key, self.json_within(*value, depth, left)?);
-                }
-                map.into()
-            }
-            Node::Global(name) => paid(name)?.into(),
-            Node::Object { state, .. } => {
-                let inner =
-                    state.and_then(|state| self.get(state, "_content").or(self.get(state, "_val")));
-                match inner {
-                    Some(inner) => self.json_within(inner, depth, left)?,
-                    None => paid(self.class(id)?)?.into(),
-                }
-            }
-            Node::Persistent(_) => Value::Null,
-        })
-    }
-}
-
-/// Takes `cost` from what is left; `None`, and nothing taken, when there is less.
-fn pay(left: &mut usize, cost: usize) -> Option<()> {
-    *left = left.checked_sub(cost)?;
-    Some(())
-}
-
-/// Values of a [`Pickle`] as JSON, within a budget for all of them: values that share their parts
-/// make JSON of any size from a small file.
-pub struct ToJson<'a> {
-    pickle: &'a Pickle,
-    left: usize,
-}
-
-impl<'a> ToJson<'a> {
-    pub fn new(pickle: &'a Pickle) -> Self {
-        Self {
-            pickle,
-            left: MOST_OF_ALL,
-        }
-    }
-
-    /// A value as JSON, OmegaConf's containers as what they contain; `None` when it is larger than
-    /// a configuration.
-    ///
-    /// # Errors
-    /// When the values so far are larger than those of any checkpoint.
-    pub fn value(&mut self, id: Id) -> Result<Option<Value>> {
-        let most = MOST_OF_ONE.min(self.left);
-        let mut left = most;
-        let value = self.pickle.json_within(id, 64, &mut left);
-        self.left -= most - left;
-        if value.is_none() && most < MOST_OF_ONE {
-            return Err(Error::input(format!(
-                "the values saved with the weights make more than {MOST_OF_ALL} bytes; the file is damaged, or save only \
-                 model.state_dict()"
-            )));
-        }
-        Ok(value)
-    }
 }
 
 /// The stack machine that a pickle is a program for. `None` from any of its steps: the program
@@ -266,6 +194,8 @@ impl<'a> ToJson<'a> {
 struct Machine<'a> {
     input: &'a [u8],
     position: usize,
+    /// Whether it states no protocol, as the first ones do, which write numbers and texts as lines.
+    is_text: bool,
     nodes: Vec<Node>,
     stack: Vec<Id>,
     /// Heights of the stack.
@@ -322,9 +252,10 @@ impl<'a> Machine<'a> {
         Some(())
     }
 
-    fn push_other(&mut self, length: usize) -> Option<()> {
+    fn push_bytes(&mut self, length: usize) -> Option<()> {
+        let start = self.position;
         self.take(length)?;
-        self.push(Node::Other);
+        self.push(Node::Bytes(start..self.position));
         Some(())
     }
 
@@ -444,6 +375,9 @@ impl<'a> Machine<'a> {
             b'c' | 0x93 => self.step_global(code)?,
             b'R' | b'b' | 0x81 | 0x92 => self.step_object(code)?,
             b'q' | b'r' | b'h' | b'j' | 0x94 => self.step_memo(code)?,
+            b'I' | b'L' | b'F' | b'S' | b'V' | b'p' | b'g' if self.is_text => {
+                self.step_line(code)?;
+            }
             // BINPERSID
             b'Q' => {
                 let id = self.stack.pop()?;
@@ -485,7 +419,7 @@ impl<'a> Machine<'a> {
         Some(())
     }
 
-    /// Texts, and bytes, which no checkpoint needs.
+    /// Texts and bytes.
     fn step_string(&mut self, code: u8) -> Option<()> {
         match code {
             // BINUNICODE, SHORT_BINUNICODE, BINUNICODE8, BINSTRING, SHORT_BINSTRING
@@ -504,15 +438,15 @@ impl<'a> Machine<'a> {
             // BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8
             b'B' => {
                 let length = self.u32()?;
-                self.push_other(length)?;
+                self.push_bytes(length)?;
             }
             b'C' => {
                 let length = self.u8()?;
-                self.push_other(length)?;
+                self.push_bytes(length)?;
             }
             0x8e | 0x96 => {
                 let length = self.u64()?;
-                self.push_other(length)?;
+                self.push_bytes(length)?;
             }
             _ => return None,
         }
@@ -582,7 +516,8 @@ impl<'a> Machine<'a> {
                 else {
                     return None;
                 };
-                pay(&mut self.names_left, module.len() + 1 + name.len())?;
+                let length = module.len() + 1 + name.len();
+                self.names_left = self.names_left.checked_sub(length)?;
                 let name = format!("{module}.{name}");
                 self.push(Node::Global(name));
             }
@@ -638,10 +573,56 @@ impl<'a> Machine<'a> {
         Some(())
     }
 
+    /// What the first protocol writes as a line.
+    fn step_line(&mut self, code: u8) -> Option<()> {
+        let line = self.line()?;
+        let node = match code {
+            // PUT, GET
+            b'p' => return self.memorise(line.parse().ok()?),
+            b'g' => return self.recall(line.parse().ok()?),
+            // INT, which has the booleans too, LONG, FLOAT
+            b'I' if line == "00" || line == "01" => Node::Bool(line == "01"),
+            b'I' => Node::Int(line.parse().ok()?),
+            b'L' => Node::Int(line.trim_end_matches('L').parse().ok()?),
+            b'F' => Node::Float(line.parse().ok()?),
+            // STRING, in quotes, and UNICODE
+            b'S' => {
+                let quote = line.chars().next().filter(|c| ['\'', '"'].contains(c))?;
+                Node::Text(line.strip_prefix(quote)?.strip_suffix(quote)?.to_owned())
+            }
+            _ => Node::Text(unescaped(line)?),
+        };
+        self.push(node);
+        Some(())
+    }
+
     /// A positive number of one or two bytes.
     fn push_long_of(&mut self, length: usize) -> Option<()> {
         let value = if length == 1 { self.u8()? } else { self.u16()? };
         self.push(Node::Int(i64::try_from(value).ok()?));
         Some(())
     }
+}
+
+/// A text of the first protocol, which writes what is not Latin-1 as `\uXXXX` or `\UXXXXXXXX`.
+fn unescaped(line: &str) -> Option<String> {
+    let mut out = String::new();
+    let mut rest = line;
+    while let Some((before, after)) = rest.split_once('\\') {
+        out.push_str(before);
+        let length = match after.as_bytes().first() {
+            Some(b'u') => 4,
+            Some(b'U') => 8,
+            _ => {
+                out.push('\\');
+                rest = after;
+                continue;
+            }
+        };
+        let digits = after.get(1..=length)?;
+        out.push(char::from_u32(u32::from_str_radix(digits, 16).ok()?)?);
+        rest = &after[1 + length..];
+    }
+    out.push_str(rest);
+    Some(out)
 }
