@@ -15,10 +15,10 @@
 
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
- * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `figures` and
- * `comparison` ({@link Comparison}).
+ * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
+ * ({@link readPoints}, {@link mapColumns}), `figures` and `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "doctor" | "extraction" | "images" | "figures" | "comparison";
+export type Part = "scoring" | "doctor" | "extraction" | "images" | "formats" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -62,7 +62,7 @@ export function version(): string;
 /** What a file is taken for, with the reason in words. */
 export interface Classification {
   /**
-   * `recording`: frames and points as arrays, for {@link Arrays}; `archive`: for {@link readArchive}; `result`: an
+   * `recording`: frames and points as arrays, for {@link Arrays}, or what {@link needsFormats} tells; `archive`: for {@link readArchive}; `result`: an
    * {@link Evaluation} as JSON.
    */
   role: "image" | "ground-truth" | "keypoints" | "checkpoint" | "recording" | "archive" | "video" | "result" | "unknown";
@@ -219,7 +219,10 @@ export class Arrays {
   static uses(array: string): boolean;
   /** How many bytes from the beginning of an array of `size` bytes {@link add} needs. */
   static bytesNeeded(array: string, size: number): number;
-  /** Adds an array: its name without `.npy`, its first bytes, and the size of all of it. */
+  /**
+   * Adds an array: its name without `.npy`, its first bytes, and the size of all of it. The only array of a `.npy` file is
+   * called `keypoints`.
+   */
   add(array: string, bytes: Uint8Array, size: number): void;
   readonly hasFrames: boolean;
   readonly hasPoints: boolean;
@@ -232,6 +235,35 @@ export class Arrays {
   keypoints(options?: TableOptions): KeypointTable;
   free(): void;
 }
+
+/** Whether it is the beginning of an HDF5 file or a pickle, which {@link readPoints} has to read. Needs no part. */
+export function needsFormats(file: Uint8Array): boolean;
+
+/**
+ * Points of a file: a table, CSV, with the unit of its positions where it cannot say it, or arrays to {@link Arrays.add}, and
+ * whether there are frames beside them, which are not read.
+ */
+export type FormatPoints =
+  | { table: Uint8Array; space: TableOptions["space"] | null; arrays: null; hasFrames: false }
+  | { table: null; space: null; arrays: { name: string; bytes: Uint8Array }[]; hasFrames: boolean };
+
+/**
+ * The points of an HDF5 file (recordings, SLEAP's analyses and projects, pandas and so DeepLabCut) or a pickle (TAP-Vid, tracks
+ * of points). Of SLEAP's projects, pandas and pickles it makes the table that their program would export. Part `formats`.
+ */
+export function readPoints(file: Uint8Array, name: string): FormatPoints;
+
+/**
+ * A table whose columns have other names, with those that are expected: `columns` stand in the place of `expected`, nothing
+ * where all rows have the same sequence or point. Part `formats`.
+ */
+export function mapColumns(
+  table: Uint8Array,
+  name: string,
+  expected: string[],
+  columns: string[],
+  isKeypoints: boolean,
+): Uint8Array;
 
 /** How frames found their rows. */
 export interface JoinReport {

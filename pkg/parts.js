@@ -4,10 +4,11 @@ import comparison from "./tracklens_comparison.js";
 import doctor from "./tracklens_doctor.js";
 import extraction from "./tracklens_extraction.js";
 import figures from "./tracklens_figures.js";
+import formats from "./tracklens_formats.js";
 import images from "./tracklens_images.js";
 import scoring from "./tracklens_scoring.js";
 
-const LOADERS = { scoring, doctor, extraction, images, figures, comparison };
+const LOADERS = { scoring, doctor, extraction, images, formats, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {
@@ -15,6 +16,13 @@ export function needsDecoding(image) {
   const riff = [0x52, 0x49, 0x46, 0x46];
   const webp = [0x57, 0x45, 0x42, 0x50];
   return is([0xff, 0xd8, 0xff], 0) || (is(riff, 0) && is(webp, 8));
+}
+
+/** Whether it is the beginning of an HDF5 file or a pickle, which the part `formats` reads. */
+export function needsFormats(file) {
+  const hdf5 = [0x89, 0x48, 0x44, 0x46, 0x0d, 0x0a, 0x1a, 0x0a];
+  const isPickle = file[0] === 0x80 && file[1] >= 2 && file[1] <= 5;
+  return isPickle || hdf5.every((byte, i) => file[i] === byte);
 }
 
 /** The WebAssembly file of a part. */

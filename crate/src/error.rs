@@ -75,6 +75,8 @@ pub enum Reason {
         /// To the numbers in the names of the sequences.
         sequences: i64,
     },
+    /// A file holds no frames; it may hold points.
+    NoFrames,
     /// The model of a detector leaves settings open; with them, the same file can be run.
     DetectorSettings {
         /// Their names: `inputSize`, `layout`, `normalization`, `output`, `outputNames`, `columns`,

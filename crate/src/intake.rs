@@ -20,7 +20,7 @@ pub enum Role {
     Keypoints,
     /// Weights of an encoder.
     Checkpoint,
-    /// Frames and points as arrays: NPZ.
+    /// Frames and points as arrays, or in a file of another program: NPZ, HDF5, pickles.
     Recording,
     /// Other files, in a ZIP archive.
     Archive,
@@ -73,27 +73,33 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             format!("a checkpoint, by its ending `.{ending}`"),
         ),
         "csv" | "tsv" | "txt" => table(head),
-        "npz" => sure(Role::Recording, "numpy arrays, by its ending `.npz`".to_owned()),
-        "zip" if Format::of(head).is_none() => {
-            sure(Role::Archive, "a ZIP archive, by its ending `.zip`".to_owned())
-        }
-        "h5" | "hdf5" => sure(
-            Role::Unknown,
-            "an HDF5 recording, which only the terminal reads; `tracklens data convert` makes an NPZ of it"
-                .to_owned(),
+        "npz" | "npy" => sure(
+            Role::Recording,
+            format!("numpy arrays, by its ending `.{ending}`"),
+        ),
+        "h5" | "hdf5" | "slp" | "pkl" | "pickle" => sure(
+            Role::Recording,
+            format!("points, by its ending `.{ending}`"),
+        ),
+        "zip" if Format::of(head).is_none() => sure(
+            Role::Archive,
+            "a ZIP archive, by its ending `.zip`".to_owned(),
         ),
         ending if VIDEO_ENDINGS.contains(&ending) => {
             sure(Role::Video, format!("a video, by its ending `.{ending}`"))
         }
         "json" => json(head),
         ending => match (Format::of(head), ending) {
-            (Some(format), _) => sure(Role::Checkpoint, format!("a {format} checkpoint, by its content")),
+            (Some(format), _) => sure(
+                Role::Checkpoint,
+                format!("a {format} checkpoint, by its content"),
+            ),
             (None, "") => sure(Role::Unknown, "a file without an ending".to_owned()),
             (None, _) => sure(
                 Role::Unknown,
                 format!(
                     "`.{ending}` is not known; expected images, a .csv table, a checkpoint (.safetensors, .pth, .bpk), a \
-                     recording (.npz), a video (.mp4, .webm) or a .zip archive of them"
+                     recording (.npz, .h5), a video (.mp4, .webm) or a .zip archive of them"
                 ),
             ),
         },

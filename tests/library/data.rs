@@ -687,7 +687,15 @@ fn files_are_recognised_by_name_and_header() {
         role("r.json", "{ \"schema\": \"tracklens/evaluation/1\""),
         Role::Result
     );
-    assert_eq!(role("push.hdf5", ""), Role::Unknown);
+    for name in [
+        "push.hdf5",
+        "df.h5",
+        "labels.slp",
+        "davis.pkl",
+        "points.npy",
+    ] {
+        assert_eq!(role(name, ""), Role::Recording, "{name}");
+    }
     // Two columns a point say nothing of what the points are.
     assert!(
         classify("t.csv", b"frame,a_x,a_y\n").guess && !classify("gt.csv", b"object,x,y\n").guess

@@ -487,15 +487,16 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, formats, figures, comparison/);
 });
 
 test("what a browser downloads stays small", async () => {
   const pkg = new URL("../../pkg/", import.meta.url);
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
-  // What has to be there before the page can be used, what a score waits for, what workers load, what comes with the first
-  // JPEG or WebP image, with the first score, and with the first runs.
-  for (const [part, limit] of Object.entries({ scoring: 300_000, doctor: 100_000, extraction: 300_000, images: 250_000, figures: 200_000, comparison: 300_000 })) {
+  // What has to be there before the page can be used, what a score waits for, what workers load,
+  // what comes with the first JPEG or WebP image, with the first HDF5 file or pickle, with the first
+  // score, and with the first runs.
+  for (const [part, limit] of Object.entries({ scoring: 300_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, figures: 200_000, comparison: 300_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

@@ -10,26 +10,54 @@ const folder = new URL("../public/", import.meta.url);
 const read = async (path) => new Uint8Array(await readFile(new URL(`files/${path}`, folder)));
 const { cases, truth, keypoints } = JSON.parse(await readFile(new URL("expected.json", folder), "utf8"));
 
-before(() => init(["scoring"]));
+before(() => init(["scoring", "formats"]));
 
-function parse(table, bytes, file, { space, axis_order: axisOrder, index_base: indexBase, image_size: imageSize }) {
-  const given = Object.entries({ space, axisOrder, indexBase, imageSize }).filter(([, value]) => value !== undefined);
-  return table.parse(bytes, file, Object.fromEntries(given));
+/** The options of a case as the package takes them. */
+function given({ space, axis_order: axisOrder, index_base: indexBase, image_size: imageSize }) {
+  const all = Object.entries({ space, axisOrder, indexBase, imageSize });
+  return Object.fromEntries(all.filter(([, value]) => value !== undefined));
+}
+
+/** Points of a file, opened as the page opens it: HDF5 and pickles by the part `formats` first. */
+function open(bytes, file, isTruth, options, columns) {
+  const { Arrays, GroundTruthTable, KeypointTable, mapColumns, needsFormats, readPoints } = tracklens;
+  const ofArrays = (arrays) => (isTruth ? arrays.groundTruth(options) : arrays.keypoints(options));
+  const arrays = new Arrays(file);
+  if (file.endsWith(".npy")) {
+    arrays.add("keypoints", bytes, bytes.length);
+    return ofArrays(arrays);
+  }
+  let [table, own] = [bytes, {}];
+  if (columns) {
+    const names = columns.split(",").map((pair) => pair.split("="));
+    const [expected, given] = [0, 1].map((i) => names.map((pair) => pair[i]));
+    table = mapColumns(bytes, file, expected, given, !isTruth);
+  }
+  if (needsFormats(bytes)) {
+    const found = readPoints(bytes, file);
+    if (found.arrays) {
+      for (const { name, bytes } of found.arrays) arrays.add(name, bytes, bytes.length);
+      return ofArrays(arrays);
+    }
+    table = found.table;
+    if (found.space) own = { space: found.space };
+  }
+  return (isTruth ? GroundTruthTable : KeypointTable).parse(table, file, { ...own, ...options });
 }
 
 for (const { file, role, options, refused, errors, objects, notes } of cases) {
-  // Containers are opened by the page before the package sees what is in them.
-  if (/\.(npz|npy|h5)$/.test(file)) continue;
+  // Archives are opened by the page before the package sees what is in them.
+  if (file.endsWith(".npz")) continue;
   test(`${file} is ${refused === undefined ? "read" : "refused"}`, async () => {
     const { GroundTruthTable, KeypointTable, Scoring } = tracklens;
     const bytes = await read(file);
     const isTruth = role === "truth";
-    const open = () => parse(isTruth ? GroundTruthTable : KeypointTable, bytes, file, options);
     if (refused !== undefined) {
-      assert.throws(open, ({ message }) => message.includes(refused));
+      const opened = () => open(bytes, file, isTruth, given(options), options.columns);
+      assert.throws(opened, ({ message }) => message.includes(refused));
       return;
     }
-    const table = open();
+    const table = open(bytes, file, isTruth, given(options), options.columns);
     for (const note of notes) assert.ok(table.notices.some((text) => text.includes(note)), note);
     if (isTruth) assert.deepEqual(table.objects, objects);
     const other = isTruth

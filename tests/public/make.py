@@ -5,12 +5,13 @@ does that writes them, or by hand where that is what people do. The expected err
 from the positions by numpy alone, without the files: the best affine map by least squares, and the
 mean squared distance in ndc.
 
-    pip install numpy pandas h5py && python tests/public/make.py
+    pip install numpy pandas h5py tables && python tests/public/make.py
 """
 
 import io
 import json
 import pathlib
+import pickle
 import shutil
 import struct
 import zlib
@@ -18,6 +19,7 @@ import zlib
 import h5py
 import numpy as np
 import pandas as pd
+import tables
 
 HERE = pathlib.Path(__file__).parent
 OUT = HERE / "files"
@@ -188,6 +190,16 @@ case("wide-scores.csv", table.assign(nose_score=0.9, tail_likelihood=0.8).to_csv
 case("wide-twice.csv", wide(N).replace("tail_", "nose_"), refused="column `nose_x` stands twice")
 case("wide-three-d.csv", table.assign(nose_z=1.0).to_csv(index=False), refused="three coordinates")
 case("keypoints-wide.csv", wide(ndc(KEYPOINTS)), role="keypoints", notes=["keypoint 0 is `nose`"])
+
+# Tables that are none of those known, with what says which column is what.
+other = pd.read_csv(io.StringIO(tidy(N))).rename(columns={"frame": "t", "object": "label", "x": "px", "y": "py"})
+named = {"columns": "x=px,y=py,frame=t,object=label"}
+case("other-columns.csv", other.drop(columns="sequence").to_csv(index=False), options=named)
+case("other-columns-semicolons.csv", other.assign(x=0.5, frame=7).to_csv(index=False, sep=";", decimal=","), options=named)
+case("other-columns-missing.csv", other.to_csv(index=False), options={"columns": "x=u,y=v"}, refused="there is no column `u` for `x`")
+other = pd.read_csv(io.StringIO(tidy(ndc(KEYPOINTS), "keypoint", ["0", "1"])))
+other = other.rename(columns={"frame": "t", "keypoint": "id", "x": "px", "y": "py"})
+case("keypoints-other-columns.csv", other.to_csv(index=False), role="keypoints", options={"columns": "x=px,y=py,frame=t,keypoint=id"})
 
 # DeepLabCut and those who write its tables.
 def deeplabcut(points, coords=("x", "y", "likelihood"), extra=None, individuals=None, index=None, scorer="DLC_resnet50"):
@@ -366,6 +378,119 @@ with h5py.File(OUT / "keypoints-sleap-two.analysis.h5", "w") as file:
     file["node_names"] = [name.encode() for name in NAMES]
     file["track_names"] = [b"a", b"b"]
 case("keypoints-sleap-two.analysis.h5", (OUT / "keypoints-sleap-two.analysis.h5").read_bytes(), role="keypoints", options=SIZED, points=np.concatenate([KEYPOINTS, KEYPOINTS[:, ::-1]], 1))
+
+
+# DeepLabCut's tables as pandas' to_hdf stores them, in both of its formats, without the time of
+# writing, so that the bytes are the same every time.
+create_array = tables.File.create_carray
+tables.File.create_carray = lambda *at, **given: create_array(*at, **given, track_times=False)
+
+
+def hdf(name, table, key="df_with_missing", mode="w", **given):
+    """Without the index that PyTables makes of a table, which takes 80 kB, and packed."""
+    table.to_hdf(OUT / name, key=key, mode=mode, index=False, complib="zlib", complevel=9, **given)
+    return (OUT / name).read_bytes()
+
+
+for kind in ["fixed", "table"]:
+    frame = lambda name, table, **given: hdf(f"{name}-{kind}.h5", table, format=kind, **given)
+    case(f"dlc-{kind}.h5", frame("dlc", deeplabcut(TRUTH)), options=SIZED)
+    labels = deeplabcut(hidden(), ("x", "y"), index=paths)
+    case(f"dlc-labels-{kind}.h5", frame("dlc-labels", labels), options=SIZED, points=hidden())
+    several = deeplabcut(TRUTH, individuals=["a", "b"])
+    case(f"dlc-individuals-{kind}.h5", frame("dlc-individuals", several), options=SIZED, objects=["a/nose", "b/tail"])
+    single = TRUTH.astype("f4").astype(float)
+    types = deeplabcut(single)
+    types = types.astype({column: "f4" for column in types.columns[:3]})
+    case(f"dlc-two-types-{kind}.h5", frame("dlc-two-types", types), options=SIZED, points=single)
+    plain = pd.read_csv(io.StringIO(wide(N)))
+    case(f"pandas-wide-{kind}.h5", frame("pandas-wide", plain, key="points"))
+    case(f"keypoints-dlc-{kind}.h5", frame("keypoints-dlc", deeplabcut(KEYPOINTS)), role="keypoints", options=SIZED)
+case("dlc-labels-three-fields.h5", hdf("dlc-labels-three-fields.h5", deeplabcut(TRUTH, ("x", "y"), index=split)), options=SIZED)
+for key, mode in [("a", "w"), ("b", "a")]:
+    two = hdf("pandas-two.h5", pd.read_csv(io.StringIO(wide(N))), key, mode)
+case("pandas-two.h5", two, refused="several data frames (`a`, `b`)")
+
+
+# SLEAP's projects: instances of a person and of the network, with and without tracks.
+def slp(name, rows, nodes=NAMES, tracks=(), version=1.2, skeletons=1, videos=("videos/vid.mp4",)):
+    """A project of `rows`: video, frame, and its instances as (predicted, track, origin, points)."""
+    frames, instances, points, predicted = [], [], [], []
+    for video, number, of_frame in rows:
+        start = len(instances)
+        for is_predicted, track, origin, xy in of_frame:
+            into = predicted if is_predicted else points
+            first = len(into)
+            for x, y in xy:
+                seen = not np.isnan(x)
+                into.append((x, y, seen, True) + ((0.8,) if is_predicted else ()))
+            instances.append((len(instances), is_predicted, len(frames), skeletons - 1, track, origin, 0.9, first, len(into), 0.0))
+        frames.append((len(frames), video, number, start, len(instances)))
+    point = [("x", "f8"), ("y", "f8"), ("visible", "?"), ("complete", "?")]
+    records = {
+        "frames": (frames, [("frame_id", "u8"), ("video", "u4"), ("frame_idx", "u8"), ("instance_id_start", "u8"), ("instance_id_end", "u8")]),
+        "instances": (
+            instances,
+            [("instance_id", "i8"), ("instance_type", "u1"), ("frame_id", "u8"), ("skeleton", "u4"), ("track", "i4"), ("from_predicted", "i8")]
+            + [("score", "f4"), ("point_id_start", "u8"), ("point_id_end", "u8"), ("tracking_score", "f4")],
+        ),
+        "points": (points, point),
+        "pred_points": (predicted, point + [("score", "f8")]),
+    }
+    skeleton = {"nodes": [{"id": i} for i in range(len(nodes))], "links": [], "graph": {"name": "Skeleton-0"}}
+    about = {"version": "2.0.0", "skeletons": [skeleton] * skeletons, "nodes": [{"name": name, "weight": 1.0} for name in nodes]}
+    with h5py.File(OUT / name, "w") as file:
+        group = file.create_group("metadata")
+        group.attrs["format_id"] = version
+        group.attrs["json"] = np.bytes_(json.dumps(about))
+        for table, (content, dtype) in records.items():
+            file.create_dataset(table, data=np.array(content, dtype=dtype), maxshape=(None,))
+        for table, texts in [("tracks_json", [[0, track] for track in tracks]), ("videos_json", [{"backend": {"filename": v}} for v in videos])]:
+            data = [np.bytes_(json.dumps(text)) for text in texts]
+            file.create_dataset(table, data=data, maxshape=(None,), dtype=h5py.string_dtype())
+    return (OUT / name).read_bytes()
+
+
+one = lambda points, predicted=True, track=-1: [(0, i, [(predicted, track, -1, points[i])]) for i in range(T)]
+case("sleap.slp", slp("sleap.slp", one(hidden(), track=0), tracks=["mouse"]), options=SIZED, points=hidden())
+case("sleap-labels.slp", slp("sleap-labels.slp", one(TRUTH, predicted=False)), options=SIZED)
+# Before version 1.1 of the format the first pixel's centre was at (0.5, 0.5).
+case("sleap-old.slp", slp("sleap-old.slp", one(TRUTH + 0.5), version=1.0), options=SIZED)
+both = [(0, i, [(True, 0, -1, TRUTH[i]), (True, 1, -1, TRUTH[i, ::-1])]) for i in range(T)]
+names = [f"{track}/{name}" for track in "ab" for name in NAMES]
+case("sleap-two-tracks.slp", slp("sleap-two-tracks.slp", both, tracks="ab"), options=SIZED, objects=names, points=np.concatenate([TRUTH, TRUTH[:, ::-1]], 1))
+# A person set right what the network found: in the first half as its correction, in the second by the track.
+network = lambda i: (True, 0 if i >= T // 2 else -1, -1, KEYPOINTS[i])
+person = lambda i: (False, 0, 2 * i if i < T // 2 else -1, TRUTH[i])
+named = [(0, i, [network(i), person(i)]) for i in range(T)]
+case("sleap-corrected.slp", slp("sleap-corrected.slp", named, tracks=["mouse"]), options=SIZED)
+untracked = [(v, i, [(True, -1, -1, of[0][3]), (True, -1, -1, of[1][3])]) for v, i, of in both]
+case("sleap-untracked.slp", slp("sleap-untracked.slp", untracked), refused="frame 0 shows 2 instances that belong to no track", options=SIZED)
+case("sleap-two-skeletons.slp", slp("sleap-two-skeletons.slp", one(TRUTH), skeletons=2), refused="several skeletons", options=SIZED)
+case("keypoints-sleap.slp", slp("keypoints-sleap.slp", one(KEYPOINTS)), role="keypoints", options=SIZED)
+
+
+# Pickles, as TAP-Vid is published and trackers' results are kept.
+def tap_vid(points, **given):
+    return {"points": ((ndc(points).swapaxes(0, 1) + 1) / 2).astype(given.get("dtype", "f8")), "occluded": np.isnan(hidden()[..., 0]).T}
+
+
+video = {"video": np.zeros((T, 2, 2, 3), "u1")}
+numbered = {"points": hidden(), "objects": ["point_0", "point_1"]}
+for protocol in [3, 4, 5]:
+    data = pickle.dumps({"vid": {**video, **tap_vid(TRUTH)}}, protocol)
+    case(f"tap-vid-{protocol}.pkl", data, **numbered)
+case("tap-vid-list.pkl", pickle.dumps([{"video": [b"jpeg"] * T, **tap_vid(TRUTH)}]), **numbered)
+case("tap-vid-columns.pkl", pickle.dumps({"vid": {key: np.asfortranarray(value) for key, value in tap_vid(TRUTH).items()}}), **numbered)
+shares = tap_vid(TRUTH, dtype="f4")
+single = (2 * shares["points"].astype(float) - 1).swapaxes(0, 1)
+single = np.where(np.isnan(hidden()), np.nan, ((single + 1) * SIZE - 1) / 2)
+case("tap-vid-f4.pkl", pickle.dumps({"vid": shares}), points=single, objects=["point_0", "point_1"])
+case("keypoints-cotracker.pkl", pickle.dumps({"tracks": KEYPOINTS[None], "visibility": seen[None]}), **tracked)
+case("keypoints-tapir.pkl", pickle.dumps({"vid": {"tracks": KEYPOINTS.swapaxes(0, 1), "visibles": seen.T}}), **tracked)
+case("tap-vid-no-points.pkl", pickle.dumps({"vid": video}), refused="no tracks of points among `vid`")
+case("tap-vid-cut.pkl", pickle.dumps({"vid": tap_vid(TRUTH)})[:-90], refused="the pickle cannot be read at byte")
+case("tap-vid-three-d.pkl", pickle.dumps({"points": np.zeros((2, T, 3)), "occluded": np.zeros((2, T), bool)}), refused="expected [K, T, 2]")
 
 
 def main():

@@ -8,9 +8,9 @@ use std::io::Cursor;
 
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::{
-    ArchiveIndex, Frame, FrameSource as _, NpyArray, Recording, TableOptions,
-    ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
-    parse_npz_ground_truth, parse_npz_keypoints,
+    ArchiveIndex, Frame, FrameSource as _, Hdf5Points, NpyArray, Recording, TableOptions,
+    export_pickle, ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth,
+    parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
 };
 use tracklens::detector::{Graph, Plan, Settings};
 use tracklens::evaluation::EvaluationReport;
@@ -33,6 +33,8 @@ pub const ENTRIES: &[Entry] = &[
     entry("npy", npy),
     entry("npz", npz),
     entry("hdf5", hdf5),
+    entry("hdf5_points", hdf5_points),
+    entry("pickled_points", pickled_points),
     entry("safetensors", checkpoint),
     entry("pickle", checkpoint),
     entry("burnpack", checkpoint),
@@ -98,6 +100,26 @@ fn npz(bytes: &[u8]) {
 
 fn hdf5(bytes: &[u8]) {
     recording(Recording::from_hdf5_bytes(bytes.to_vec(), &with_size()));
+}
+
+/// Tables of pandas and SLEAP, and arrays of points.
+fn hdf5_points(bytes: &[u8]) {
+    match Hdf5Points::of_bytes(bytes.to_vec()) {
+        Ok(Hdf5Points::Table(table)) => {
+            let _ = black_box(table.ground_truth("points.h5", &with_size()));
+        }
+        Ok(Hdf5Points::Arrays { arrays, .. }) => {
+            let _ = black_box(ground_truth_of_arrays(arrays, &with_size()));
+        }
+        Err(_) => {}
+    }
+}
+
+/// Tracks of points in a pickle.
+fn pickled_points(bytes: &[u8]) {
+    if let Ok(table) = export_pickle(bytes) {
+        let _ = black_box(table.keypoints("points.pkl", &with_size()));
+    }
 }
 
 fn recording(recording: tracklens::Result<Recording>) {

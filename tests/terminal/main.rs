@@ -6,6 +6,7 @@ mod runs;
 mod binary;
 mod cli;
 mod cli_checkpoint;
+mod convert;
 mod detector;
 mod doctor;
 mod evaluation;

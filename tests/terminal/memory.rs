@@ -337,3 +337,26 @@ fn other_metrics_of_many_keypoints_are_refused() {
         "a linear regression from 4096 keypoints together takes hours",
     );
 }
+
+#[test]
+fn tracks_that_a_pickle_shares_are_contained() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/public/files/tap-vid-4.pkl");
+    let whole = fs::read(path).expect("a fixture");
+    // Its tracks, a dictionary between a key and the end, over and over in a list. What stands
+    // before counts as two in the memo, as the list and nothing do here.
+    let key = whole.windows(4).position(|part| part == b"vid\x94");
+    let tracks = &whole[key.expect("a key") + 4..whole.len() - 2];
+    let mut pickle = b"\x80\x04]\x94N\x940(".to_vec();
+    pickle.extend(tracks);
+    pickle.extend(keep(9999));
+    for _ in 0..200_000 {
+        pickle.extend(again(9999));
+    }
+    pickle.extend(b"e.");
+    contained(
+        &[("b.pkl", &pickle)],
+        &["data", "convert", "b.pkl", "out.csv"],
+        3,
+        "the videos hold more than the file",
+    );
+}

@@ -1,8 +1,9 @@
 // @ts-check
 /** A table whose columns have other names: which of them is what, said by the user. */
 
+import init, { mapColumns } from "../pkg/index.js";
 import { fill, h } from "../ui/dom.js";
-import { blobOf, bytesOf } from "./sources.js";
+import { bytesOf } from "./sources.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -96,7 +97,7 @@ function form(session, entry, header) {
   rebuild();
   const apply = async () => {
     const chosen = new Map([...selects].map(([name, { value }]) => [name, value]));
-    const blob = await renamed(entry, header, chosen);
+    const blob = await renamed(entry, chosen, role.value === "keypoints");
     void session.setColumns(entry, /** @type {Role} */ (role.value), blob);
   };
   return [
@@ -126,19 +127,17 @@ async function headerOf({ source }) {
 /**
  * The table with the names that are expected; a column that is not there is added.
  * @param {Entry} entry
- * @param {Header} header
  * @param {Map<string, string>} chosen the column that each expected one is
+ * @param {boolean} isKeypoints
  */
-async function renamed({ source }, { separator, columns }, chosen) {
-  const text = await (await blobOf(source)).text();
-  const lines = text.replace(/^\uFEFF/, "").split(/\r?\n/);
-  const names = columns.map((column) => {
-    const found = [...chosen].find(([, value]) => value === column);
-    // Another column may have the name of one that is expected.
-    return found ? found[0] : `other_${column.replaceAll('"', "")}`;
-  });
-  const added = [...chosen].filter(([, value]) => value === NONE).map(([name]) => name);
-  const constants = added.map((name) => (name === "keypoint" ? "0" : name));
-  const rows = lines.slice(1).map((line) => (line === "" ? "" : [line, ...constants].join(separator)));
-  return new Blob([[...names, ...added].join(separator), "\n", rows.join("\n")]);
+async function renamed({ path, source }, chosen, isKeypoints) {
+  await init(["formats"]);
+  const table = mapColumns(
+    await bytesOf(source),
+    path,
+    [...chosen.keys()],
+    [...chosen.values()],
+    isKeypoints,
+  );
+  return new Blob([/** @type {BlobPart} */ (table)]);
 }

@@ -34,7 +34,7 @@ const HEAD_BYTES = 4096;
 /** Archives around an archive. */
 const MAX_DEPTH = 2;
 /** Names of files that are meant to be read. */
-const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|npz|zip)$/i;
+const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|npy|npz|h5|hdf5|slp|pkl|zip)$/i;
 const NOTHING = new Uint8Array();
 /** @type {Readonly<Found>} */
 const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map() };
@@ -163,13 +163,15 @@ async function inArchive(archive, depth) {
  */
 async function inRecording(recording, reason) {
   const container = containerOf("recording", recording.path);
+  const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
   try {
-    const { frames, arrays, error } = await openRecording(recording);
+    const opened = await openRecording(recording);
+    if ("table" in opened) return only(tableEntry(recording.path, opened, { ...taken, reason }));
+    const { frames, arrays, error } = opened;
     container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
     if (error) container.problems.push(error);
     const entries = [];
     if (arrays.hasPoints) {
-      const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
       const grounds = `points of a recording; ${reason}`;
       entries.push(entryOf(recording, { ...taken, reason: grounds }, arrays));
       container.contents += " and points";
@@ -179,6 +181,19 @@ async function inRecording(recording, reason) {
     container.error = readError(error, recording.path);
     return { ...NOTHING_FOUND, containers: [container] };
   }
+}
+
+/**
+ * A file that was turned into a table, which is what is read and kept of it.
+ * @param {string} path
+ * @param {import("./containers/npz.js").Table} table
+ * @param {import("./entry.js").Taken} taken
+ * @returns {Entry}
+ */
+function tableEntry(path, { table, space }, { role, by, reason }) {
+  const grounds = `${reason}; a guess: keypoints can look the same`;
+  const entry = entryOf({ path: `${path}.csv`, blob: table }, { role, by, reason: grounds });
+  return { ...entry, path, options: space ? { space } : {} };
 }
 
 /**

@@ -56,7 +56,7 @@ export async function replayOf(session, onProgress) {
   const text = new Blob([`${JSON.stringify(replay, null, 2)}\n`]);
   const files = [
     { path: REPLAY, blob: text },
-    { path: baseName(truth.path), blob: await blobOf(truth.source) },
+    { path: baseName(truth.source.path), blob: await blobOf(truth.source) },
     { path: "keypoints.csv", blob: new Blob([table.toCsv()]) },
     ...(await imagesOf(session, onProgress)),
   ];

@@ -10,8 +10,9 @@ use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
 
+use super::convert::{CommonArguments, ConvertArguments, Target, write_points};
 use super::extract::{cancel_on_interrupt, progress_bar, show};
-use super::files::TruthArguments;
+use super::files;
 use crate::atomic;
 use crate::data::{self, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
 use crate::error::{Error, ErrorKind, Result};
@@ -27,8 +28,8 @@ pub(super) enum DataCommand {
     /// Say what a data set holds: sequences, sizes, ground truth, what does not fit. Decodes every
     /// frame.
     Inspect(InspectArguments),
-    /// Write a data set as a folder of PNG images with ground_truth.csv, or as an NPZ recording
-    /// (OUT ends in .npz).
+    /// Write a data set as a folder of PNG images with ground_truth.csv or as an NPZ recording, or
+    /// the points of any file as CSV, NPZ, COCO keypoints or DeepLabCut's CSV.
     Convert(ConvertArguments),
 }
 
@@ -41,28 +42,6 @@ pub(super) struct InspectArguments {
     /// Print JSON (the default when the output is not a terminal)
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct ConvertArguments {
-    /// Folder of image sequences, one folder a sequence, or a recording (.npz, .hdf5)
-    input: PathBuf,
-    /// Folder or .npz file to write; must not exist yet
-    out: PathBuf,
-    #[command(flatten)]
-    common: CommonArguments,
-}
-
-#[derive(Debug, Args)]
-struct CommonArguments {
-    /// Ground truth; default: ground_truth.csv in the folder, or the points of the recording
-    #[arg(long, value_name = "GT.csv")]
-    truth: Option<PathBuf>,
-    #[command(flatten)]
-    reading: TruthArguments,
-    /// No progress bar
-    #[arg(long)]
-    quiet: bool,
 }
 
 pub(super) fn run(command: &DataCommand) -> Result<()> {
@@ -331,7 +310,12 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
         return refused("is there already; give another name, or delete it");
     }
     if !parent.is_dir() {
-        return refused("lies in no folder that exists; expected a folder or .npz file to write");
+        return refused("lies in no folder that exists; expected a folder or a file to write");
+    }
+    let target = arguments.to.unwrap_or_else(|| Target::of(out));
+    let has_frames = arguments.input.is_dir() || files::is_recording(&arguments.input)?;
+    if !has_frames || !matches!(target, Target::Folder | Target::Npz) {
+        return write_points(arguments, target);
     }
     let frames = common.reading.open(&arguments.input)?;
     let truth = common
@@ -351,12 +335,9 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
         quiet: common.quiet,
         cancel: cancel_on_interrupt()?,
     };
-    match out
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
-    {
-        true => job.write_npz()?,
-        false => job.write_folder()?,
+    match target {
+        Target::Npz => job.write_npz()?,
+        _ => job.write_folder()?,
     }
     eprintln!(
         "{} frames written to {}",

@@ -11,12 +11,14 @@ use clap::Args;
 use super::hints::hint;
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice, NpyArray,
-    Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC, ground_truth_of_arrays,
-    keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
-    parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
+    AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice,
+    NpyArray, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC, export_pickle,
+    ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
+    parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
 };
-use crate::error::{Error, ErrorKind, Result, without_controls};
+use crate::error::{Error, ErrorKind, Reason, Result, without_controls};
+use crate::memory;
+use crate::pickle::is_pickle;
 use crate::track::{GroundTruth, KeypointTrack};
 use crate::weights::read;
 
@@ -110,19 +112,29 @@ impl TruthArguments {
 
     /// Reads a table whose positions belong to `frames`.
     fn read_beside(&self, path: &Path, frames: &dyn FrameSource) -> Result<Truth> {
-        self.read_sized(path, || {
+        self.read_sized(path, None, || {
             // Frames that cannot be read are told when it is their turn.
             let frame = frames.read(0).ok()?;
             Some([frame.width(), frame.height()])
         })
     }
 
-    /// Reads a table, or the points of a recording.
-    pub fn read(&self, path: &Path) -> Result<Truth> {
-        self.read_sized(path, || None)
+    /// Reads a table, whose `columns` may be named, or the points of another file.
+    pub fn read(&self, path: &Path, columns: Option<&Columns>) -> Result<Truth> {
+        self.read_sized(path, columns, || None)
     }
 
-    fn read_sized(&self, path: &Path, size: impl FnOnce() -> Option<[u32; 2]>) -> Result<Truth> {
+    /// As [`TruthArguments::read`], of keypoints that are read with the same options.
+    pub fn read_keypoints(&self, path: &Path, columns: Option<&Columns>) -> Result<KeypointTrack> {
+        keypoints_of(path, &self.options(), columns).map(|table| table.content)
+    }
+
+    fn read_sized(
+        &self,
+        path: &Path,
+        columns: Option<&Columns>,
+        size: impl FnOnce() -> Option<[u32; 2]>,
+    ) -> Result<Truth> {
         let options = TableOptions {
             image_size: self.image_size.or_else(size),
             ..self.options()
@@ -130,12 +142,13 @@ impl TruthArguments {
         let name = path.to_string_lossy();
         let table = match Kind::of(path)? {
             Kind::Npz => parse_npz_ground_truth(&read(path)?, &name, &options)?,
-            Kind::Hdf5 => {
-                read_hdf5_ground_truth(open(path)?, &options).map_err(|e| e.at(path.display()))?
-            }
-            Kind::Npy => ground_truth_of_arrays(vec![alone(read(path)?)], &options)
+            Kind::Hdf5 => read_hdf5_ground_truth(open(path)?, &name, &options)?,
+            Kind::Pickle => export_pickle(&read(path)?)
+                .map_err(|e| e.at(path.display()))?
+                .ground_truth(&name, &options)?,
+            Kind::Npy => ground_truth_of_arrays(vec![NpyArray::alone(read(path)?)], &options)
                 .map_err(|e| e.at(path.display()))?,
-            Kind::Other => parse_ground_truth(&read(path)?, &name, &options)?,
+            Kind::Other => parse_ground_truth(&read_table(path, columns, false)?, &name, &options)?,
         };
         tell(path, &table.notices);
         self.select(table.content, Some(table.reading))
@@ -185,7 +198,7 @@ impl TruthArguments {
         let recording = match Kind::of(path)? {
             Kind::Npz => Recording::from_npz(BufReader::new(open(path)?), &self.options()),
             Kind::Hdf5 => Recording::from_hdf5_file(open(path)?, &self.options()),
-            Kind::Npy | Kind::Other => Err(Error::input(
+            Kind::Npy | Kind::Pickle | Kind::Other => Err(Error::input(
                 "neither a folder nor a recording; expected a folder of images, an NPZ or an HDF5 file",
             )),
         };
@@ -234,6 +247,7 @@ enum Kind {
     Npz,
     Hdf5,
     Npy,
+    Pickle,
     Other,
 }
 
@@ -244,12 +258,17 @@ impl Kind {
             .take(8)
             .read_to_end(&mut head)
             .map_err(|e| Error::io(path.display(), &e))?;
-        Ok(match head {
+        Ok(Self::of_bytes(&head))
+    }
+
+    fn of_bytes(head: &[u8]) -> Self {
+        match head {
             _ if head.starts_with(ZIP_MAGIC) => Self::Npz,
             _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
             _ if head.starts_with(NPY_MAGIC) => Self::Npy,
+            _ if is_pickle(head) => Self::Pickle,
             _ => Self::Other,
-        })
+        }
     }
 }
 
@@ -410,13 +429,27 @@ fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|e| Error::io(path.display(), &e))
 }
 
-/// An array that is a file by itself.
-fn alone(bytes: Vec<u8>) -> NpyArray {
-    NpyArray {
-        name: "keypoints".to_owned(),
-        size: bytes.len() as u64,
-        bytes,
+/// Reads a file; of a table whose `columns` are named, with the names that are expected.
+fn read_table(path: &Path, columns: Option<&Columns>, is_keypoints: bool) -> Result<Vec<u8>> {
+    let bytes = read(path)?;
+    match columns {
+        Some(columns) => columns
+            .apply(&bytes, is_keypoints)
+            .map_err(|e| e.at(path.display())),
+        None => Ok(bytes),
     }
+}
+
+/// Whether a file holds frames as arrays, as far as they can be read.
+pub(super) fn is_recording(path: &Path) -> Result<bool> {
+    let options = TableOptions::default();
+    let recording = match Kind::of(path)? {
+        Kind::Npz => Recording::from_npz(BufReader::new(open(path)?), &options),
+        Kind::Hdf5 => Recording::from_hdf5_file(open(path)?, &options),
+        Kind::Npy | Kind::Pickle | Kind::Other => return Ok(false),
+    };
+    let why_not = recording.err();
+    Ok(why_not.is_none_or(|e| e.reason() != Some(&Reason::NoFrames)))
 }
 
 /// What keypoints are read with in place of the ground truth's options.
@@ -439,6 +472,10 @@ pub(super) struct KeypointsReading {
     /// Axes of the keypoints that run the other way: x, y (where y points up), xy or none
     #[arg(long = "keypoints-flip", value_name = "AXES")]
     keypoints_flip: Option<Flip>,
+    /// Which column of the keypoints is what, where they have other names (e.g.
+    /// x=px,y=py,frame=t,keypoint=id)
+    #[arg(long = "keypoints-columns", value_name = "NAME=COLUMN,…")]
+    keypoints_columns: Option<Columns>,
     /// Take keypoints at exactly (0, 0) for missing
     #[arg(long = "keypoints-zero-is-missing")]
     keypoints_zero_is_missing: bool,
@@ -450,7 +487,6 @@ pub(super) fn read_keypoints(
     arguments: &TruthArguments,
     reading: &KeypointsReading,
 ) -> Result<Parsed<KeypointTrack>> {
-    let (bytes, name) = (read(path)?, path.to_string_lossy());
     let options = TableOptions {
         space: reading.keypoints_space,
         index_base: reading.keypoints_index_base,
@@ -460,15 +496,26 @@ pub(super) fn read_keypoints(
         flip: reading.keypoints_flip,
         zero_is_missing: reading.keypoints_zero_is_missing.then_some(true),
     };
-    let table = match &bytes {
-        _ if bytes.starts_with(HDF5_MAGIC) => {
-            read_hdf5_keypoints(open(path)?, &options).map_err(|e| e.at(path.display()))?
-        }
-        _ if bytes.starts_with(ZIP_MAGIC) => parse_npz_keypoints(&bytes, &name, &options)?,
-        _ if bytes.starts_with(NPY_MAGIC) => {
-            keypoints_of_arrays(vec![alone(bytes)], &options).map_err(|e| e.at(path.display()))?
-        }
-        _ => parse_keypoints(&bytes, &name, &options)?,
+    keypoints_of(path, &options, reading.keypoints_columns.as_ref())
+}
+
+/// Keypoints of a file of any kind.
+fn keypoints_of(
+    path: &Path,
+    options: &TableOptions,
+    columns: Option<&Columns>,
+) -> Result<Parsed<KeypointTrack>> {
+    let bytes = read_table(path, columns, true)?;
+    let name = path.to_string_lossy();
+    let table = match Kind::of_bytes(&bytes) {
+        Kind::Hdf5 => read_hdf5_keypoints(open(path)?, &name, options)?,
+        Kind::Pickle => export_pickle(&bytes)
+            .map_err(|e| e.at(path.display()))?
+            .keypoints(&name, options)?,
+        Kind::Npz => parse_npz_keypoints(&bytes, &name, options)?,
+        Kind::Npy => keypoints_of_arrays(vec![NpyArray::alone(bytes)], options)
+            .map_err(|e| e.at(path.display()))?,
+        Kind::Other => parse_keypoints(&bytes, &name, options)?,
     };
     tell(path, &table.notices);
     Ok(table)

@@ -4,6 +4,7 @@
 mod terminal;
 
 mod checkpoint;
+mod convert;
 mod data;
 mod detector;
 #[cfg(any(feature = "train", feature = "gpu"))]

@@ -13,7 +13,7 @@ use super::terminal::own_command;
 use super::values::{parse_finite, parse_html_path};
 use crate::atomic;
 use crate::command_line;
-use crate::data::{Alignment, Reading};
+use crate::data::{Alignment, Columns, Reading};
 use crate::error::{Error, Result};
 use crate::evaluation::doctor::{Subject, examine};
 use crate::evaluation::{
@@ -36,6 +36,10 @@ pub(super) struct ScoreArguments {
     keypoints: PathBuf,
     #[command(flatten)]
     keypoints_reading: KeypointsReading,
+    /// Which column of the ground truth is what, where they have other names (e.g.
+    /// x=px,y=py,frame=t,object=label)
+    #[arg(long, value_name = "NAME=COLUMN,…")]
+    columns: Option<Columns>,
     #[command(flatten)]
     reading: TruthArguments,
     #[command(flatten)]
@@ -148,7 +152,9 @@ impl ThresholdArguments {
 
 pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
     arguments.scoring.check()?;
-    let truth = arguments.reading.read(&arguments.truth)?;
+    let truth = arguments
+        .reading
+        .read(&arguments.truth, arguments.columns.as_ref())?;
     let keypoints = files::read_keypoints(
         &arguments.keypoints,
         &arguments.reading,

@@ -18,6 +18,17 @@ pub(super) const CONFIDENCES: [&str; 5] = [
     "occluded",
 ];
 
+/// The names of arrays that say what points are called: all, the nodes of SLEAP's skeleton and its
+/// tracks.
+pub(super) const NAMES: [&str; 3] = ["names", NODES, TRACKS];
+/// The names of a skeleton's nodes.
+pub(super) const NODES: &str = "node_names";
+/// The names of tracks.
+pub(super) const TRACKS: &str = "track_names";
+
+/// The name of an array that says whether points are (y, x), as `record.py` notes it.
+pub(super) const Y_FIRST: &str = "y_first";
+
 /// The most frames of a recording: 12 days at 16 frames a second.
 const MAX_FRAMES: usize = 1 << 24;
 

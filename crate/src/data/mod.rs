@@ -7,6 +7,7 @@ mod arrays;
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 mod blocks;
 mod decode;
+mod export;
 mod frame_array;
 mod frames;
 #[cfg(feature = "hdf5")]
@@ -24,6 +25,7 @@ mod resize;
 mod source;
 mod split;
 mod table;
+mod tap_vid;
 
 pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
@@ -31,18 +33,19 @@ pub use archive::{
 };
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 pub(crate) use blocks::for_blocks;
+pub use export::Export;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
-pub use hdf5::{HDF5_MAGIC, read_hdf5_ground_truth, read_hdf5_keypoints};
+pub use hdf5::{HDF5_MAGIC, Hdf5Points, read_hdf5_ground_truth, read_hdf5_keypoints};
 #[cfg(feature = "train")]
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};
 pub use join::{Alignment, Join, join, join_aligned};
 pub use memory::{FramesInMemory, PointSequences};
 pub(crate) use names::{is_hidden, is_image, last_number};
-pub use npy::MAGIC as NPY_MAGIC;
+pub use npy::{MAGIC as NPY_MAGIC, NpyArray};
 pub use npz::{
-    NpyArray, NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
+    NpzWriter, ground_truth_of_arrays, keypoints_of_arrays, parse_npz_ground_truth,
     parse_npz_keypoints,
 };
 pub use reading::{
@@ -52,8 +55,10 @@ pub use recording::Recording;
 pub use resize::{Filter, resize_planar};
 pub use source::{EncodedFrames, FrameSource};
 pub use split::{Parts, Split, SplitBy, numpy_permutation, parse_episodes};
+pub use table::Columns;
 pub(crate) use table::look_at_table;
 #[cfg(feature = "report")]
-#[cfg(feature = "report")]
 pub(crate) use table::quote_csv;
+pub use table::{coco_json, deeplabcut_csv};
 pub use table::{ground_truth_csv, keypoints_csv, parse_ground_truth, parse_keypoints};
+pub use tap_vid::export as export_pickle;

@@ -2,14 +2,59 @@
 
 use std::io::Read;
 
-use super::arrays::{ArrayInfo, Kind, Values};
+use super::arrays::{ArrayInfo, CONFIDENCES, FRAMES, Kind, NAMES, POINTS, Values, Y_FIRST};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// The first bytes of a `.npy` array.
 pub const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
 /// Longer than the header of any array of numbers; a guard against damaged files.
 pub(super) const MAX_HEADER: u32 = 1 << 16;
+
+/// An array of an NPZ file, `.npy`: the whole of it, or of frames at least the header.
+#[derive(Debug, Clone)]
+pub struct NpyArray {
+    /// Its name, without `.npy`.
+    pub name: String,
+    /// The bytes from its beginning.
+    pub bytes: Vec<u8>,
+    /// The size of all of it, unpacked.
+    pub size: u64,
+}
+
+impl NpyArray {
+    /// As many bytes hold the header of any array.
+    pub const HEAD: u64 = MAX_HEADER as u64 + 12;
+
+    /// An array that is a file by itself, taken for points.
+    pub fn alone(bytes: Vec<u8>) -> Self {
+        Self {
+            name: "keypoints".to_owned(),
+            size: bytes.len() as u64,
+            bytes,
+        }
+    }
+
+    /// Whether an array of this name holds frames.
+    pub fn holds_frames(name: &str) -> bool {
+        FRAMES.contains(&name)
+    }
+
+    /// Whether an array of this name is needed as a whole, because it holds points, their names,
+    /// their axis order or how sure they are.
+    pub fn is_needed_whole(name: &str) -> bool {
+        Self::holds_points(name)
+            || CONFIDENCES.contains(&name)
+            || NAMES.contains(&name)
+            || name == Y_FIRST
+    }
+
+    /// Whether an array of this name holds points.
+    pub fn holds_points(name: &str) -> bool {
+        POINTS.contains(&name)
+    }
+}
 
 /// The header of a `.npy` array. Own code: it is a Python dictionary of three keys that numpy
 /// always writes in the same form, and the libraries that read it bring a parser generator and a C
@@ -73,12 +118,18 @@ impl Header {
             .filter(|n| !n.is_empty())
             .map(|n| n.parse().ok())
             .collect();
+        Self::of(dtype, fortran, shape?, length)
+    }
+
+    /// Of an array of numpy type `dtype` (`<f4`), `length` bytes before its first element; `None`
+    /// where that is no type of numbers or texts.
+    pub fn of(dtype: &str, fortran: bool, shape: Vec<u64>, length: u64) -> Option<Self> {
         let width: u64 = dtype.get(2..)?.parse().ok()?;
         let unit = if dtype.get(1..2)? == "U" { 4 } else { 1 };
         Some(Self {
             dtype: dtype.to_owned(),
             fortran,
-            shape: shape?,
+            shape,
             item: width.checked_mul(unit)?,
             length,
         })
@@ -221,6 +272,23 @@ fn numbers<T, const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> T) -> Ve
         .iter()
         .map(|bytes| number(*bytes))
         .collect()
+}
+
+/// The type and the elements of an array of texts.
+///
+/// # Errors
+/// When there is no memory for them: each takes as much as the longest.
+pub(super) fn texts(values: &[String]) -> Result<(String, Vec<u8>)> {
+    let lengths = values.iter().map(|text| text.chars().count());
+    let width = lengths.max().unwrap_or(0).max(1);
+    let bytes = values.len().saturating_mul(width).saturating_mul(4);
+    memory::check(bytes as u64, "names", "is the file damaged?")?;
+    let mut elements = Vec::with_capacity(bytes);
+    for text in values {
+        let padded = text.chars().map(u32::from).chain(std::iter::repeat(0));
+        elements.extend(padded.take(width).flat_map(u32::to_le_bytes));
+    }
+    Ok((format!("<U{width}"), elements))
 }
 
 /// The header of a `.npy` array of numpy type `dtype`.

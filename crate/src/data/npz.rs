@@ -9,8 +9,8 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::arrays::{ArrayFile, ArrayInfo, CONFIDENCES, FRAMES, POINTS, Values};
-use super::npy::{self, Header, MAX_HEADER, damaged};
+use super::arrays::{ArrayFile, ArrayInfo, Values, Y_FIRST};
+use super::npy::{self, Header, NpyArray, damaged};
 use super::points;
 use super::reading::{AxisOrder, Parsed, TableOptions};
 use super::recording::Recording;
@@ -93,38 +93,6 @@ pub fn keypoints_of_arrays(
     options: &TableOptions,
 ) -> Result<Parsed<KeypointTrack>> {
     points::keypoints(&Npz::of(arrays)?, options)
-}
-
-/// An array of an NPZ file, `.npy`: the whole of it, or of frames at least the header.
-#[derive(Debug, Clone)]
-pub struct NpyArray {
-    /// Its name, without `.npy`.
-    pub name: String,
-    /// The bytes from its beginning.
-    pub bytes: Vec<u8>,
-    /// The size of all of it, unpacked.
-    pub size: u64,
-}
-
-impl NpyArray {
-    /// As many bytes hold the header of any array.
-    pub const HEAD: u64 = MAX_HEADER as u64 + 12;
-
-    /// Whether an array of this name holds frames.
-    pub fn holds_frames(name: &str) -> bool {
-        FRAMES.contains(&name)
-    }
-
-    /// Whether an array of this name is needed as a whole, because it holds points, their names or
-    /// how sure they are.
-    pub fn is_needed_whole(name: &str) -> bool {
-        Self::holds_points(name) || CONFIDENCES.contains(&name) || name == "names"
-    }
-
-    /// Whether an array of this name holds points.
-    pub fn holds_points(name: &str) -> bool {
-        POINTS.contains(&name)
-    }
 }
 
 /// An NPZ file, whose elements lie in `A` where they are not in memory.
@@ -339,16 +307,21 @@ impl<A: Archive> ArrayFile for Npz<A> {
     }
 
     fn axes(&self) -> Option<AxisOrder> {
-        None
+        let header = &self.arrays.get(Y_FIRST)?.header;
+        let bytes = self.bytes(Y_FIRST, 0, header.item).ok()?;
+        match bytes.first()? {
+            0 => Some(AxisOrder::Xy),
+            _ => Some(AxisOrder::Yx),
+        }
     }
 
     fn left_out(&self) -> &[String] {
         &self.left_out
     }
 
-    fn point_names(&self) -> Result<Option<Vec<String>>> {
-        let Some(member) = self.arrays.get("names") else {
-            return Ok(None);
+    fn strings(&self, name: &str) -> Result<Vec<String>> {
+        let Some(member) = self.arrays.get(name) else {
+            return Err(Error::input(format!("there is no array `{name}`")));
         };
         let header = &member.header;
         // `<U6`: 6 code points of 4 bytes; `|S6`: 6 bytes.
@@ -359,12 +332,12 @@ impl<A: Archive> ArrayFile for Npz<A> {
         };
         if unit == 0 || header.shape.len() != 1 || header.item == 0 {
             return Err(Error::input(format!(
-                "`names` ({}, shape {:?}) is no list of names; expected strings, shape [K]",
+                "`{name}` ({}, shape {:?}) is no list of names; expected strings, shape [K]",
                 header.dtype, header.shape
             )));
         }
-        let bytes = self.bytes("names", 0, header.shape[0] * header.item)?;
-        let name = |bytes: &[u8]| {
+        let bytes = self.bytes(name, 0, header.shape[0] * header.item)?;
+        let text = |bytes: &[u8]| {
             let code = |c: &[u8]| {
                 c.iter()
                     .rev()
@@ -374,9 +347,14 @@ impl<A: Archive> ArrayFile for Npz<A> {
             text.map(|c| char::from_u32(c).unwrap_or(char::REPLACEMENT_CHARACTER))
                 .collect()
         };
-        Ok(Some(
-            bytes.chunks_exact(header.item as usize).map(name).collect(),
-        ))
+        Ok(bytes.chunks_exact(header.item as usize).map(text).collect())
+    }
+
+    fn point_names(&self) -> Result<Option<Vec<String>>> {
+        match self.arrays.contains_key("names") {
+            true => self.strings("names").map(Some),
+            false => Ok(None),
+        }
     }
 }
 
@@ -438,22 +416,9 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// # Errors
     /// When writing fails.
     pub fn strings(&mut self, name: &str, values: &[String]) -> Result<()> {
-        let width = values
-            .iter()
-            .map(|v| v.chars().count())
-            .max()
-            .unwrap_or(0)
-            .max(1);
-        self.array(name, &format!("<U{width}"), &[values.len()])?;
-        for value in values {
-            let padded = value
-                .chars()
-                .map(u32::from)
-                .chain(std::iter::repeat(0))
-                .take(width);
-            self.write(&padded.flat_map(u32::to_le_bytes).collect::<Vec<u8>>())?;
-        }
-        Ok(())
+        let (dtype, bytes) = npy::texts(values)?;
+        self.array(name, &dtype, &[values.len()])?;
+        self.write(&bytes)
     }
 
     /// Ends the file.

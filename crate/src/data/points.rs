@@ -2,7 +2,9 @@
 
 use ndarray::{Array2, Array3};
 
-use super::arrays::{ArrayFile, CONFIDENCES, POINTS, Values, check_frames, count, find, listed};
+use super::arrays::{
+    ArrayFile, CONFIDENCES, NODES, POINTS, TRACKS, Values, check_frames, count, find, listed,
+};
 use super::names::cleaned;
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions,
@@ -31,11 +33,23 @@ pub(super) fn keypoints(
 fn points(file: &dyn ArrayFile, options: &TableOptions) -> Result<Points> {
     match Points::read(file, options)? {
         Some(points) => Ok(points),
-        None => Err(Error::input(format!(
-            "no array of points; expected `keypoints` or `sites`, found {}",
-            listed(&file.names()?)
-        ))),
+        None => Err(missing(file)?),
     }
+}
+
+/// The error of a file without points.
+pub(super) fn missing(file: &dyn ArrayFile) -> Result<Error> {
+    Ok(Error::input(format!(
+        "no array of points; expected `keypoints` or `sites`, found {}",
+        listed(&file.names()?)
+    )))
+}
+
+/// The error of an array that holds something else than numbers.
+pub(super) fn no_numbers(name: &str, dtype: &str) -> Error {
+    Error::input(format!(
+        "`{name}` is of type {dtype}; expected numbers, in ndc"
+    ))
 }
 
 /// An array of points, (x, y).
@@ -69,7 +83,7 @@ impl Arrangement {
     fn of(file: &dyn ArrayFile, name: &str) -> Result<Self> {
         let has = |name: &str| file.info(name).map(|info| info.is_some());
         Ok(match name {
-            "tracks" if has("node_names")? => Self::Sleap,
+            "tracks" if has(NODES)? => Self::Sleap,
             "tracks" | "points" if has("visibles")? || has("occluded")? => Self::Points,
             _ => Self::Frames,
         })
@@ -142,10 +156,7 @@ impl Points {
         let (sequences, frames, points) = (size(sequences)?, size(frames)?, size(points)?);
         check_frames(sequences, frames, name, &info.shape)?;
         if info.kind.is_none() {
-            return Err(Error::input(format!(
-                "`{name}` is of type {}; expected numbers, in ndc",
-                info.dtype
-            )));
+            return Err(no_numbers(name, &info.dtype));
         }
         memory::check(
             (sequences as u64)
@@ -376,8 +387,8 @@ fn confidence(
 
 /// `track/node`, or the node alone where there is one track.
 fn names_of_sleap(file: &dyn ArrayFile, points: usize, individuals: usize) -> Result<Vec<String>> {
-    let nodes = file.strings("node_names")?;
-    let tracks = file.strings("track_names").unwrap_or_default();
+    let nodes = file.strings(NODES)?;
+    let tracks = file.strings(TRACKS).unwrap_or_default();
     let name = |k: usize| {
         let per = points / individuals.max(1);
         let (individual, node) = (k / per.max(1), k % per.max(1));

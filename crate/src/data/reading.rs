@@ -399,6 +399,11 @@ pub(super) fn ndc_from_pixels(px: [f64; 2], image_size: [u32; 2]) -> [f64; 2] {
     [0, 1].map(|axis| (2.0 * px[axis] + 1.0) / f64::from(image_size[axis]) - 1.0)
 }
 
+/// A position in ndc in pixels, the centre of the first one at (0, 0).
+pub(super) fn px_from_ndc(ndc: [f64; 2], image_size: [u32; 2]) -> [f64; 2] {
+    [0, 1].map(|axis| ((ndc[axis] + 1.0) * f64::from(image_size[axis]) - 1.0) / 2.0)
+}
+
 /// The error of `positions` in pixels of images of unknown size; `by` says why they are in pixels.
 pub(super) fn missing_image_size(positions: &str, by: Ground) -> Error {
     let why = match by {

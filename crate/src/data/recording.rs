@@ -8,7 +8,7 @@ use super::npy;
 use super::points::{Points, keys};
 use super::reading::{Notice, TableOptions};
 use super::source::FrameSource;
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::track::GroundTruth;
 
 /// Frames, and points if there are any, as arrays in an NPZ or HDF5 file. Frames are read when they
@@ -37,7 +37,8 @@ impl Recording {
             return Err(Error::input(format!(
                 "no array of frames; expected `images` or `frames`, found {}",
                 listed(&file.names()?)
-            )));
+            ))
+            .because(Reason::NoFrames));
         };
         let frames = FrameArray::new(name, &info)?;
         let mut notices = Vec::new();

@@ -2,8 +2,9 @@
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
 //! scoring first, the doctor with the first ground truth, extraction in the workers, images with the
-//! first JPEG or WebP image, figures once there is something to draw, comparison with the first
-//! runs, extraction on the GPU where there is one. Objects of one part mean nothing to another one.
+//! first JPEG or WebP image, formats with the first HDF5 file or pickle, figures once there is
+//! something to draw, comparison with the first runs, extraction on the GPU where there is one.
+//! Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-scoring")]
 mod command;
@@ -23,6 +24,8 @@ mod evaluation;
 mod figure;
 #[cfg(feature = "web-scoring")]
 mod files;
+#[cfg(feature = "web-formats")]
+mod formats;
 #[cfg(feature = "web-scoring")]
 mod frames;
 #[cfg(feature = "web-gpu")]

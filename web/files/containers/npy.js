@@ -13,6 +13,14 @@ const ELEMENTS = {
 };
 
 /**
+ * Whether a file is a numpy array, by its first bytes.
+ * @param {Uint8Array} head
+ */
+export function isArray(head) {
+  return [0x93, 0x4e, 0x55, 0x4d, 0x50, 0x59].every((byte, i) => head[i] === byte);
+}
+
+/**
  * @param {Blob} blob an array of shape (height, width, 3) or (3, height, width), with a header as
  * numpy writes it
  * @returns {Promise<ImageData>}

@@ -1,23 +1,54 @@
 // @ts-check
-/** NPZ recordings: frames stay where they lie, points are read. */
+/** Recordings: frames of NPZ files stay where they lie, points are read. */
 
 import { messageOf } from "../../errors.js";
 import { Arrays } from "../../pkg/index.js";
 import { blobOf } from "../sources.js";
-import { NPY_TYPE } from "./npy.js";
+import { isForeign, openForeign } from "./formats.js";
+import { NPY_TYPE, isArray } from "./npy.js";
 import { entriesOf, unpack } from "./zip.js";
 
-/** @typedef {import("../sources.js").Source} Source */
-
 /**
+ * @typedef {import("../sources.js").Source} Source
+ * @typedef {import("../../pkg/index.js").TableOptions} TableOptions
+ *
  * The frames of a recording, and its arrays, whose points are read from them; `error` says why
  * there are no frames though there is an array of them.
+ * @typedef {{ frames: Source[], arrays: Arrays, error: string }} Recording
+ *
+ * A table that a file was turned into, and the unit of its positions where it does not say.
+ * @typedef {{ table: Blob, space: TableOptions["space"] | null }} Table
+ */
+
+/** Enough to tell what a file is. */
+const HEAD_BYTES = 8;
+
+/**
  * @param {Source} recording
- * @returns {Promise<{ frames: Source[], arrays: Arrays, error: string }>}
+ * @returns {Promise<Recording | Table>}
  */
 export async function openRecording(recording) {
   const { path } = recording;
   const file = await blobOf(recording);
+  const head = new Uint8Array(await file.slice(0, HEAD_BYTES).arrayBuffer());
+  if (isForeign(path, head)) {
+    const found = await openForeign(path, file);
+    return "table" in found ? found : { frames: [], ...found };
+  }
+  if (isArray(head)) {
+    const arrays = new Arrays(path);
+    arrays.add("keypoints", new Uint8Array(await file.arrayBuffer()), file.size);
+    return { frames: [], arrays, error: "" };
+  }
+  return openArchived(path, file);
+}
+
+/**
+ * @param {string} path
+ * @param {Blob} file an NPZ file
+ * @returns {Promise<Recording>}
+ */
+async function openArchived(path, file) {
   const arrays = new Arrays(path);
   /** @type {Map<string, Blob>} */
   const blobs = new Map();

@@ -8,12 +8,13 @@ use crate::error::{Error, Result};
 
 /// Reads a table of the layout that its header shows.
 pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) -> Result<Raw> {
+    let start = Start::of(text);
     let Start {
         before,
-        separator,
         rest,
         comments,
-    } = Start::of(text);
+        ..
+    } = start;
     let first_line = rest.lines().next().unwrap_or_default();
     if first_line.trim().is_empty() {
         return Err(Error::input(format!(
@@ -25,7 +26,7 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
     if comments > 0 {
         notices.push(format!("{comments} lines before the header begin with #").into());
     }
-    let (delimiter, word) = separator.unwrap_or_else(|| delimiter_of(first_line));
+    let (delimiter, word) = start.delimiter();
     if delimiter != b',' {
         notices.push(format!("fields are separated by a {word}").into());
     }
@@ -62,18 +63,24 @@ pub fn stem(name: &str) -> &str {
 }
 
 /// A table from its header on.
-struct Start<'a> {
+pub struct Start<'a> {
     /// Lines before the header.
     before: u64,
     /// The separator that a line `sep=;` gives, as Excel writes it.
     separator: Option<(u8, &'static str)>,
-    rest: &'a str,
+    pub rest: &'a str,
     comments: usize,
 }
 
 impl<'a> Start<'a> {
+    /// The separator, which is said or stands most often in the header, and what it is called.
+    pub fn delimiter(&self) -> (u8, &'static str) {
+        let first_line = self.rest.lines().next().unwrap_or_default();
+        self.separator.unwrap_or_else(|| delimiter_of(first_line))
+    }
+
     /// Passes over empty lines, comments and Excel's line `sep=;`.
-    fn of(text: &'a str) -> Self {
+    pub fn of(text: &'a str) -> Self {
         let mut start = Self {
             before: 0,
             separator: None,
@@ -118,7 +125,7 @@ fn delimiter_of(first_line: &str) -> (u8, &'static str) {
 pub fn look_at(text: &str) -> (Layout, csv::StringRecord) {
     let start = Start::of(text);
     let first_line = start.rest.lines().next().unwrap_or_default();
-    let (delimiter, _) = start.separator.unwrap_or_else(|| delimiter_of(first_line));
+    let (delimiter, _) = start.delimiter();
     let header = fields(first_line, delimiter);
     (layout_of(start.rest, delimiter), header)
 }

@@ -20,6 +20,7 @@
 //! files have.
 
 mod coco;
+mod columns;
 mod deeplabcut;
 mod delimited;
 mod fields;
@@ -28,15 +29,20 @@ mod rows;
 mod tidy;
 mod wide;
 mod write;
+mod write_coco;
+mod write_deeplabcut;
 
 use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 use ndarray::{Array2, Array3};
 
+pub use columns::Columns;
 #[cfg(feature = "report")]
 pub(crate) use write::quote_csv;
 pub use write::{ground_truth_csv, keypoints_csv};
+pub use write_coco::coco_json;
+pub use write_deeplabcut::deeplabcut_csv;
 
 use super::names::natural;
 use super::reading::{

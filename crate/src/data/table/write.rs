@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 
 use ndarray::Array2;
 
+use crate::data::reading::px_from_ndc;
+use crate::error::{Error, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 
 /// A keypoint table as CSV, with every digit needed to read the same numbers again, and a column
@@ -71,6 +73,23 @@ pub fn ground_truth_csv(truth: &GroundTruth) -> String {
         }
     }
     out
+}
+
+/// A position in pixels of images of `[width, height]`, where there is one.
+pub fn seen_px(ndc: [f64; 2], image_size: [u32; 2]) -> Option<[f64; 2]> {
+    ndc.iter()
+        .all(|v| v.is_finite())
+        .then(|| px_from_ndc(ndc, image_size))
+}
+
+/// The name of a sequence, which is to be one of a folder.
+pub fn folder_name(sequence: &str) -> Result<&str> {
+    match sequence.is_empty() || sequence.contains(['/', '\\']) {
+        true => Err(Error::input(format!(
+            "the sequence `{sequence}` is not the name of a folder; rename it"
+        ))),
+        false => Ok(sequence),
+    }
 }
 
 /// A CSV field from a name, quoted where it must be. What a spreadsheet would run as a formula begins

@@ -1,86 +1,33 @@
-//! HDF5 files, as the authors' `record.py` and h5py write them.
+//! An open HDF5 file as a file of arrays, as the authors' `record.py` and h5py write them.
 
-use std::fs::File;
-use std::sync::Arc;
-
-use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
+use hdf5_reader::storage::DynStorage;
 use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 
-use super::arrays::{ArrayFile, ArrayInfo, Kind, Values};
-use super::points;
-use super::reading::{AxisOrder, Parsed, TableOptions};
-use super::recording::Recording;
+use super::errors::{broken, unreadable};
+use super::scalar::{Scalar, check_size, numbers};
+use crate::data::arrays::{ArrayFile, ArrayInfo, Kind, Values};
+use crate::data::reading::AxisOrder;
 use crate::error::{Error, Result};
-use crate::track::{GroundTruth, KeypointTrack};
-
-/// The first bytes of an HDF5 file.
-pub const HDF5_MAGIC: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
 
 /// What is kept of unpacked chunks at most. h5py's own choice of chunks for the paper's recording
 /// puts 63 sequences into a chunk, so that all frames of 63 sequences together (495 MB) have to be
 /// unpacked to read one sequence.
 const MAX_CHUNK_CACHE: u64 = 1 << 30;
 
-/// An image of [`MAX_SIDE`](super::MAX_SIDE) squared in f64; a guard against damaged files.
+/// An image of [`MAX_SIDE`](crate::data::MAX_SIDE) squared in f64; a guard against damaged files.
 const MAX_READ: usize = 8192 * 8192 * 3 * 8;
 
-impl Recording {
-    /// Frames, and points if there are any, of an HDF5 file in memory. Without `options.axes` the
-    /// file's attribute `save/format/y_first` decides the order of the points' coordinates, else it
-    /// is (x, y).
-    ///
-    /// Points are named by an array of strings `names`, or by the attributes that the authors'
-    /// `record.py` leaves: the objects, then the links as `link_4`. Of PandaPush, `object` is
-    /// called `cube` and link 11 `eef`, as in the paper.
-    ///
-    /// # Errors
-    /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the
-    /// message names the array.
-    pub fn from_hdf5_bytes(bytes: Vec<u8>, options: &TableOptions) -> Result<Self> {
-        Self::from_storage(Arc::new(BytesStorage::new(bytes)), options)
-    }
-
-    /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are
-    /// asked for. Up to 1 GiB of unpacked chunks are kept.
-    ///
-    /// # Errors
-    /// As [`Recording::from_hdf5_bytes`].
-    pub fn from_hdf5_file(file: File, options: &TableOptions) -> Result<Self> {
-        Self::from_storage(
-            Arc::new(FileStorage::from_file(file).map_err(|e| broken(&e))?),
-            options,
-        )
-    }
-
-    fn from_storage(storage: DynStorage, options: &TableOptions) -> Result<Self> {
-        Self::new(Box::new(Hdf5::open(storage)?), options)
-    }
-}
-
-/// Reads the points of an open HDF5 file as a ground truth; it need not have frames.
-///
-/// # Errors
-/// As [`Recording::from_hdf5_bytes`].
-pub fn read_hdf5_ground_truth(file: File, options: &TableOptions) -> Result<Parsed<GroundTruth>> {
-    let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
-    points::ground_truth(&Hdf5::open(Arc::new(storage))?, options)
-}
-
-/// As [`read_hdf5_ground_truth`], of keypoints of a detector.
-///
-/// # Errors
-/// As [`read_hdf5_ground_truth`].
-pub fn read_hdf5_keypoints(file: File, options: &TableOptions) -> Result<Parsed<KeypointTrack>> {
-    let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
-    points::keypoints(&Hdf5::open(Arc::new(storage))?, options)
-}
-
-struct Hdf5 {
-    file: Hdf5File,
+/// An open HDF5 file.
+pub struct Hdf5 {
+    pub file: Hdf5File,
 }
 
 impl Hdf5 {
-    fn open(storage: DynStorage) -> Result<Self> {
+    /// Opens a file; up to 1 GiB of unpacked chunks are kept.
+    ///
+    /// # Errors
+    /// When it is no whole HDF5 file.
+    pub fn open(storage: DynStorage) -> Result<Self> {
         let options = || OpenOptions::default().with_max_read_bytes(MAX_READ);
         let open = |options| {
             Hdf5File::from_storage_with_options(storage.clone(), options).map_err(|e| broken(&e))
@@ -134,6 +81,10 @@ impl ArrayFile for Hdf5 {
             return Ok(None);
         }
         let dataset = self.file.dataset(name).map_err(|e| unreadable(name, &e))?;
+        // Records, as SLEAP's `frames` and `points`.
+        if let Datatype::Compound { .. } = dataset.dtype() {
+            return Ok(None);
+        }
         let (kind, dtype) = match dataset.dtype() {
             Datatype::FixedPoint {
                 size: 1,
@@ -142,14 +93,20 @@ impl ArrayFile for Hdf5 {
             } => (Some(Kind::U8), "uint8".to_owned()),
             Datatype::FloatingPoint { size: 4, .. } => (Some(Kind::F32), "float32".to_owned()),
             Datatype::FloatingPoint { size: 8, .. } => (Some(Kind::F64), "float64".to_owned()),
-            Datatype::FixedPoint { size, signed, .. } => {
-                let sign = if *signed { "" } else { "u" };
-                (None, format!("{sign}int{}", u16::from(*size) * 8))
-            }
-            Datatype::FloatingPoint { size, .. } => {
-                (None, format!("float{}", u16::from(*size) * 8))
-            }
-            _ => (None, "no number".to_owned()),
+            other => (
+                Scalar::of(other).map(|_| Kind::Number),
+                match other {
+                    Datatype::FixedPoint { size, signed, .. } => {
+                        let sign = if *signed { "" } else { "u" };
+                        format!("{sign}int{}", u16::from(*size) * 8)
+                    }
+                    Datatype::FloatingPoint { size, .. } => {
+                        format!("float{}", u16::from(*size) * 8)
+                    }
+                    Datatype::Enum { .. } => "an enumeration".to_owned(),
+                    _ => "no number".to_owned(),
+                },
+            ),
         };
         Ok(Some(ArrayInfo {
             shape: dataset.shape().to_vec(),
@@ -161,6 +118,10 @@ impl ArrayFile for Hdf5 {
     fn read(&self, name: &str, leading: &[u64]) -> Result<Values> {
         let failed = |e| unreadable(name, &e);
         let dataset = self.file.dataset(name).map_err(failed)?;
+        let file = self.file.storage().len();
+        if leading.is_empty() {
+            check_size(&dataset, name, file)?;
+        }
         let mut selection = SliceInfo::all(dataset.ndim());
         for (element, index) in selection.selections.iter_mut().zip(leading) {
             *element = SliceInfoElem::Index(*index);
@@ -169,6 +130,9 @@ impl ArrayFile for Hdf5 {
             Some(Kind::U8) => elements(&dataset, &selection).map(Values::U8),
             Some(Kind::F32) => elements(&dataset, &selection).map(Values::F32),
             Some(Kind::F64) => elements(&dataset, &selection).map(Values::F64),
+            Some(Kind::Number) if leading.is_empty() => {
+                return numbers(&dataset, name, file).map(Values::F64);
+            }
             Some(Kind::Number) | None => {
                 return Err(Error::input(format!(
                     "`{name}` is of a type that is not read"
@@ -246,16 +210,4 @@ fn elements<T: H5Type + Clone>(
     selection: &SliceInfo,
 ) -> Result<Vec<T>, hdf5_reader::error::Error> {
     Ok(dataset.read_slice::<T>(selection)?.into_iter().collect())
-}
-
-fn unreadable(name: &str, error: &hdf5_reader::error::Error) -> Error {
-    Error::input(format!(
-        "`{name}` cannot be read ({error}); is the file complete, and packed with gzip or not at all?"
-    ))
-}
-
-fn broken(error: &hdf5_reader::error::Error) -> Error {
-    Error::input(format!(
-        "not a whole HDF5 file ({error}); was it cut short?"
-    ))
 }

@@ -1,0 +1,143 @@
+//! HDF5 files: recordings and arrays of points, data frames of pandas (DeepLabCut), and projects of
+//! SLEAP.
+
+mod as_npy;
+mod errors;
+mod file;
+mod pandas;
+mod records;
+mod scalar;
+mod sleap;
+
+use std::fs::File;
+use std::sync::Arc;
+
+use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
+
+use super::arrays::{FRAMES, find};
+use super::export::Export;
+use super::npy::NpyArray;
+use super::points;
+use super::reading::{Parsed, TableOptions};
+use super::recording::Recording;
+use crate::error::Result;
+use crate::track::{GroundTruth, KeypointTrack};
+use errors::broken;
+use file::Hdf5;
+
+/// The first bytes of an HDF5 file.
+pub const HDF5_MAGIC: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
+
+impl Recording {
+    /// Frames, and points if there are any, of an HDF5 file in memory. Without `options.axes` the
+    /// file's attribute `save/format/y_first` decides the order of the points' coordinates, else it
+    /// is (x, y).
+    ///
+    /// Points are named by an array of strings `names`, or by the attributes that the authors'
+    /// `record.py` leaves: the objects, then the links as `link_4`. Of PandaPush, `object` is
+    /// called `cube` and link 11 `eef`, as in the paper.
+    ///
+    /// # Errors
+    /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the
+    /// message names the array.
+    pub fn from_hdf5_bytes(bytes: Vec<u8>, options: &TableOptions) -> Result<Self> {
+        Self::from_storage(Arc::new(BytesStorage::new(bytes)), options)
+    }
+
+    /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are
+    /// asked for. Up to 1 GiB of unpacked chunks are kept.
+    ///
+    /// # Errors
+    /// As [`Recording::from_hdf5_bytes`].
+    pub fn from_hdf5_file(file: File, options: &TableOptions) -> Result<Self> {
+        Self::from_storage(
+            Arc::new(FileStorage::from_file(file).map_err(|e| broken(&e))?),
+            options,
+        )
+    }
+
+    fn from_storage(storage: DynStorage, options: &TableOptions) -> Result<Self> {
+        Self::new(Box::new(Hdf5::open(storage)?), options)
+    }
+}
+
+/// What an HDF5 file holds of points.
+#[derive(Debug)]
+pub enum Hdf5Points {
+    /// A table, which its program keeps as records.
+    Table(Export),
+    /// Arrays.
+    Arrays {
+        /// Those that points are read from.
+        arrays: Vec<NpyArray>,
+        /// Whether there are frames as well, which are left out.
+        has_frames: bool,
+    },
+}
+
+impl Hdf5Points {
+    /// Of a file in memory.
+    ///
+    /// # Errors
+    /// When the bytes are no whole HDF5 file, or what they hold cannot be read.
+    pub fn of_bytes(bytes: Vec<u8>) -> Result<Self> {
+        let file = Hdf5::open(Arc::new(BytesStorage::new(bytes)))?;
+        match export(&file)? {
+            Some(table) => Ok(Self::Table(table)),
+            None => Ok(Self::Arrays {
+                arrays: as_npy::points(&file)?,
+                has_frames: find(&file, &FRAMES)?.is_some(),
+            }),
+        }
+    }
+}
+
+/// Reads the points of an open HDF5 file as a ground truth; it need not have frames. `name` is the
+/// file's, for messages, and of the sequence where the file has none.
+///
+/// # Errors
+/// As [`Recording::from_hdf5_bytes`], and for a table as
+/// [`parse_ground_truth`](super::parse_ground_truth).
+pub fn read_hdf5_ground_truth(
+    file: File,
+    name: &str,
+    options: &TableOptions,
+) -> Result<Parsed<GroundTruth>> {
+    let file = of_file(file).map_err(|e| e.at(name))?;
+    match export(&file).map_err(|e| e.at(name))? {
+        Some(table) => table.ground_truth(name, options),
+        None => points::ground_truth(&file, options).map_err(|e| e.at(name)),
+    }
+}
+
+/// As [`read_hdf5_ground_truth`], of keypoints of a detector.
+///
+/// # Errors
+/// As [`read_hdf5_ground_truth`].
+pub fn read_hdf5_keypoints(
+    file: File,
+    name: &str,
+    options: &TableOptions,
+) -> Result<Parsed<KeypointTrack>> {
+    let file = of_file(file).map_err(|e| e.at(name))?;
+    match export(&file).map_err(|e| e.at(name))? {
+        Some(table) => table.keypoints(name, options),
+        None => points::keypoints(&file, options).map_err(|e| e.at(name)),
+    }
+}
+
+fn of_file(file: File) -> Result<Hdf5> {
+    let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
+    Hdf5::open(Arc::new(storage))
+}
+
+/// The table of a program that keeps one in HDF5; `None` where points are arrays.
+fn export(file: &Hdf5) -> Result<Option<Export>> {
+    if as_npy::has_points(file)? {
+        return Ok(None);
+    }
+    match pandas::export(&file.file)? {
+        Some(table) => Ok(Some(table)),
+        None => sleap::export(&file.file),
+    }
+}

@@ -1,0 +1,88 @@
+//! Files of other programs that are neither text nor NPZ, in JavaScript: their points as what the
+//! part that scores reads.
+
+use js_sys::{Array, Object, Reflect, Uint8Array};
+use wasm_bindgen::prelude::*;
+
+use super::{JsResult, js_error};
+use crate::data::{Columns, Export, HDF5_MAGIC, Hdf5Points, NpyArray, export_pickle};
+use crate::error::{Error, Result};
+use crate::pickle::is_pickle;
+
+/// The points of an HDF5 file or a pickle: a table and the unit of its positions, or arrays.
+///
+/// # Errors
+/// When the bytes are neither, or hold no points.
+#[wasm_bindgen(js_name = readPoints)]
+pub fn read_points(bytes: Vec<u8>, name: &str) -> JsResult<JsValue> {
+    match read(bytes).map_err(|e| js_error(&e.at(name)))? {
+        Hdf5Points::Table(table) => table_to_js(&table),
+        Hdf5Points::Arrays { arrays, has_frames } => arrays_to_js(&arrays, has_frames),
+    }
+}
+
+/// A table whose columns have other names, with those that are expected: `expected` are these,
+/// `columns` those in their place, nothing where all rows have the same.
+///
+/// # Errors
+/// As [`Columns::apply`].
+#[wasm_bindgen(js_name = mapColumns)]
+pub fn map_columns(
+    table: &[u8],
+    name: &str,
+    expected: Vec<String>,
+    columns: Vec<String>,
+    is_keypoints: bool,
+) -> JsResult<Vec<u8>> {
+    let columns = columns
+        .into_iter()
+        .map(|name| Some(name).filter(|name| !name.is_empty()));
+    let columns = Columns::new(expected.into_iter().zip(columns));
+    columns
+        .apply(table, is_keypoints)
+        .map_err(|e| js_error(&e.at(name)))
+}
+
+fn read(bytes: Vec<u8>) -> Result<Hdf5Points> {
+    match &bytes {
+        _ if bytes.starts_with(HDF5_MAGIC) => Hdf5Points::of_bytes(bytes),
+        _ if is_pickle(&bytes) => export_pickle(&bytes).map(Hdf5Points::Table),
+        _ => Err(Error::input(
+            "neither an HDF5 file nor a pickle by its first bytes; is it complete, and does its ending say what it is?",
+        )),
+    }
+}
+
+fn table_to_js(Export { table, space }: &Export) -> JsResult<JsValue> {
+    let space = space.map(|space| JsValue::from(space.name()));
+    object([
+        ("table", Uint8Array::from(&table[..]).into()),
+        ("space", space.unwrap_or(JsValue::NULL)),
+        ("arrays", JsValue::NULL),
+        ("hasFrames", false.into()),
+    ])
+}
+
+fn arrays_to_js(arrays: &[NpyArray], has_frames: bool) -> JsResult<JsValue> {
+    let list = Array::new();
+    for NpyArray { name, bytes, .. } in arrays {
+        list.push(&object([
+            ("name", name.into()),
+            ("bytes", Uint8Array::from(&bytes[..]).into()),
+        ])?);
+    }
+    object([
+        ("table", JsValue::NULL),
+        ("space", JsValue::NULL),
+        ("arrays", list.into()),
+        ("hasFrames", has_frames.into()),
+    ])
+}
+
+fn object<const N: usize>(entries: [(&str, JsValue); N]) -> JsResult<JsValue> {
+    let object = Object::new();
+    for (name, value) in entries {
+        Reflect::set(&object, &name.into(), &value)?;
+    }
+    Ok(object.into())
+}
