@@ -25,3 +25,5 @@ mod metric;
 mod stats;
 #[cfg(feature = "data")]
 mod tables;
+#[cfg(feature = "data")]
+mod temporal;

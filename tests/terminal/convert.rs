@@ -157,3 +157,46 @@ fn a_table_with_other_columns_is_converted_once_they_are_named() {
     let (converted, plain) = (errors(&out, &[]), errors(&public("tidy.csv"), &[]));
     assert_eq!(converted, plain);
 }
+
+#[test]
+fn measures_over_time_stand_in_the_json_and_the_report_and_change_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let report = place(&folder, "report.html");
+    let (truth, keypoints) = (public("tidy-hidden.csv"), public("keypoints.csv"));
+    let scored = |more: &[&str]| -> Value {
+        let plain = [
+            "score",
+            "--json",
+            "--truth",
+            &truth,
+            "--keypoints",
+            &keypoints,
+        ];
+        let mut found: Value = json(&tracklens(&[&plain, more].concat()));
+        let fields = found.as_object_mut().expect("an object");
+        fields.remove("command");
+        found
+    };
+    let plain = scored(&[]);
+    let mut found = scored(&["--temporal", "--report", &report]);
+    let fields = found.as_object_mut().expect("an object");
+    let measures = fields.remove("temporal").expect("measures");
+    fields.remove("sequences");
+    assert_eq!(found, plain);
+    let rows = measures["measures"].as_array().expect("measures");
+    // Of the first object, the nose.
+    let of = |name: &str| {
+        let row = rows.iter().find(|row| row["measure"] == name);
+        row.map(|row| row["objects"][0].clone()).expect(name)
+    };
+    assert_eq!(of("lag"), 0.0);
+    // Two of its 40 frames hide it, where the keypoint is there all the same.
+    assert_eq!(of("visibility_accuracy"), 38.0 / 40.0);
+    // One sequence: nothing can be held out.
+    assert_eq!(measures["folds"], 0);
+    assert!(of("held_out_affine").is_null());
+    let page = std::fs::read_to_string(&report).expect("a report");
+    for part in ["Temporal quality", "average Jaccard", "PCK within 4.7 %"] {
+        assert!(page.contains(part), "{part}");
+    }
+}

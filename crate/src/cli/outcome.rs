@@ -7,6 +7,7 @@ use crate::evaluation::{
     ConfidenceReport, ContextReport, EvaluationReport, HeldOutReport, IntervalsReport,
     SequencesReport,
 };
+use crate::report::evaluation::temporal;
 use crate::report::{Cell, Column, NONE, Precision, Table};
 
 /// Sequences that are listed for an object.
@@ -39,6 +40,9 @@ pub(super) fn print(report: &EvaluationReport) -> Result<()> {
     }
     if let Some(context) = &report.context {
         print_context(context)?;
+    }
+    if let Some(measures) = &report.temporal {
+        say!("{}", drawn(&temporal(report, measures)));
     }
     say!(
         "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",

@@ -118,6 +118,10 @@ pub(super) struct ScoringArguments {
     /// precision and recall of a min-cost assignment (Kulkarni et al.)
     #[arg(long = command_line::CONTEXT)]
     context: bool,
+    /// Also measure the best keypoints over time: jitter, lag, hand-over, other maps, TAP-Vid's
+    /// measures, OKS and PCK
+    #[arg(long)]
+    temporal: bool,
     /// Exit with 5 when the TC is unknown because there is not enough data
     #[arg(long)]
     strict: bool,
@@ -192,6 +196,7 @@ impl ScoringArguments {
             // Their figures and tables need them.
             sequences: self.sequences || self.report.is_some() || self.figures.is_some(),
             context: self.context,
+            temporal: self.temporal,
             confidence_levels: self.confidence_levels.clone(),
         })
     }
@@ -215,7 +220,9 @@ impl ScoringArguments {
         let points = &truth.points;
         let scoring = Scoring::matched(points, keypoints, self.non_finite, matching)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), points.keys());
-        let mut report = self.request(image_size)?.evaluate(&scoring, &join)?;
+        let request = self.request(image_size)?;
+        let mut report = request.evaluate(&scoring, &join)?;
+        report.temporal = request.temporal(&scoring)?;
         report.findings = examine(&Subject {
             truth: points,
             truth_reading: truth.reading.as_ref(),

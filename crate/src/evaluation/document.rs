@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::doctor::Finding;
 use super::scoring::{Context, SequenceError};
+use super::temporal::{Temporal, TemporalObject};
 use crate::data::Join;
 use crate::error::{Error, Result};
 use crate::metric::context::{Assignment, CLOSE, Regression};
@@ -84,6 +85,9 @@ pub struct EvaluationReport {
     /// Other metrics of the same data, where they were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub context: Option<ContextReport>,
+    /// How good the best keypoints are over time, where it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temporal: Option<TemporalReport>,
 }
 
 /// Points that are not sure, and the TC as a function of how sure keypoints have to be.
@@ -151,6 +155,77 @@ pub struct ContextReport {
     pub regression: Vec<RegressionReport>,
     /// Keypoints matched one to one to objects, in every frame and in every sequence.
     pub assignment: Vec<AssignmentReport>,
+}
+
+/// [`Temporal`] as JSON: a table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct TemporalReport {
+    /// The number of folds of the sequences that maps are held out on; 0: none.
+    pub folds: usize,
+    /// The rows.
+    pub measures: Vec<MeasureReport>,
+}
+
+/// A row of a [`TemporalReport`]; null where there is nothing to be measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeasureReport {
+    /// Its name, of those in `docs/metrics.md`.
+    pub measure: String,
+    /// By object, of its best keypoint.
+    pub objects: Vec<Option<f64>>,
+    /// Of all objects together, where that is not a mean of theirs.
+    pub all: Option<f64>,
+}
+
+impl TemporalReport {
+    /// The report of `temporal`.
+    pub fn new(temporal: &Temporal) -> Self {
+        type Of = fn(&TemporalObject) -> Option<f64>;
+        let all = &temporal.tap_vid;
+        let rows: [(&str, Of, Option<f64>); 11] = [
+            ("jitter", |o| o.jitter, None),
+            ("velocity_correlation", |o| o.velocity_correlation, None),
+            ("lag", |o| o.lag.map(|lag| lag as f64), None),
+            ("handed_over", |o| o.handed_over, None),
+            ("held_out_affine", |o| o.held_out.affine, None),
+            ("held_out_orientation", |o| o.held_out.orientation, None),
+            ("held_out_projective", |o| o.held_out.projective, None),
+            (
+                "visibility_accuracy",
+                |o| o.tap_vid.occlusion_accuracy,
+                all.occlusion_accuracy,
+            ),
+            (
+                "position_accuracy",
+                |o| o.tap_vid.position_accuracy,
+                all.position_accuracy,
+            ),
+            (
+                "average_jaccard",
+                |o| o.tap_vid.average_jaccard,
+                all.average_jaccard,
+            ),
+            ("oks", |o| o.oks, temporal.oks),
+        ];
+        let row =
+            |measure: String, of: &dyn Fn(&TemporalObject) -> Option<f64>, all| MeasureReport {
+                measure,
+                objects: temporal.objects.iter().map(of).collect(),
+                all,
+            };
+        let pck = CLOSE.iter().enumerate().map(|(i, close)| {
+            let of = move |object: &TemporalObject| object.pck.map(|pck| pck[i]);
+            row(format!("pck_{:.1}", 100.0 * close), &of, None)
+        });
+        let rows = rows
+            .into_iter()
+            .map(|(name, of, all)| row(name.to_owned(), &of, all));
+        Self {
+            folds: temporal.folds,
+            measures: rows.chain(pck).collect(),
+        }
+    }
 }
 
 /// [`Regression`] as JSON.
@@ -395,6 +470,7 @@ impl EvaluationReport {
             intervals: None,
             sequences: None,
             context: None,
+            temporal: None,
         }
     }
 

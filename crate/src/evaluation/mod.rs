@@ -32,16 +32,18 @@ pub mod doctor;
 mod document;
 mod request;
 mod scoring;
+mod temporal;
 mod thresholds;
 mod unmatched;
 
 pub use confidence::MinConfidence;
 pub use document::{
     AssignmentReport, ConfidenceLevel, ConfidenceReport, ContextReport, EvaluationReport,
-    HeldOutReport, IntervalReport, IntervalsReport, JoinReport, KeypointError, ObjectReport,
-    RegressionReport, SequenceReport, SequencesReport, Unmatched,
+    HeldOutReport, IntervalReport, IntervalsReport, JoinReport, KeypointError, MeasureReport,
+    ObjectReport, RegressionReport, SequenceReport, SequencesReport, TemporalReport, Unmatched,
 };
 pub use request::Request;
 pub use scoring::{Context, Matching, Scoring, SequenceError, Series};
+pub use temporal::{Temporal, TemporalObject};
 pub use thresholds::{Threshold, Thresholds};
 pub use unmatched::{UnmatchedSequence, unmatched_sequences};

@@ -3,7 +3,7 @@
 use super::confidence::MinConfidence;
 use super::document::{
     ConfidenceLevel, ConfidenceReport, ContextReport, EvaluationReport, HeldOutReport,
-    IntervalsReport, JoinReport, SequencesReport,
+    IntervalsReport, JoinReport, SequencesReport, TemporalReport,
 };
 use super::scoring::{Level, Scoring};
 use super::thresholds::Thresholds;
@@ -33,6 +33,8 @@ pub struct Request {
     pub sequences: bool,
     /// Also give other metrics of the same data.
     pub context: bool,
+    /// Also measure the best keypoints over time.
+    pub temporal: bool,
     /// The confidences from which on keypoints count in the curve of the TC, where they have any; by
     /// default where the confidences differ.
     pub confidence_levels: Vec<f64>,
@@ -92,6 +94,20 @@ impl Request {
             report.context = Some(ContextReport::new(&context, scoring.objects()));
         }
         Ok(report)
+    }
+
+    /// The measures over time, if they are asked for. Apart from [`Request::evaluate`], so that a
+    /// program that never asks for them is not larger for it.
+    ///
+    /// # Errors
+    /// As [`Scoring::temporal`].
+    pub fn temporal(&self, scoring: &Scoring) -> Result<Option<TemporalReport>> {
+        let sequences = scoring.sequence_count();
+        let folds = self.folds.unwrap_or(FOLDS.min(sequences));
+        let folds = (folds > 1 && sequences > 1).then_some(folds);
+        let measure = || scoring.temporal(folds, self.seed, &self.thresholds, &self.settings);
+        let measured = self.temporal.then(measure).transpose()?;
+        Ok(measured.as_ref().map(TemporalReport::new))
     }
 
     /// What was hidden, and the score as a function of the confidence; none where there is neither.

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2, ArrayView3, Axis};
 
 use super::confidence::{MinConfidence, hide, levels};
 use super::thresholds::Thresholds;
@@ -491,6 +491,11 @@ impl Scoring {
     /// The N keypoints (x, y) of joined frame `t` as they are, N x 2; `None` past the last frame.
     pub fn keypoints(&self, t: usize) -> Option<ArrayView2<'_, f64>> {
         (t < self.keys.len()).then(|| self.keypoints.index_axis(Axis(0), t))
+    }
+
+    /// The keypoints of all joined frames as they are, T x N x 2.
+    pub(super) fn all_keypoints(&self) -> ArrayView3<'_, f64> {
+        self.keypoints.view()
     }
 
     /// The points of object `k` and keypoint `n` with the map that `settings` fit.

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 pub const CLOSE: [f64; 3] = [0.02, 6.0 / 128.0, 0.1];
 
 /// The side of an image in ndc.
-const SIDE: f64 = 2.0;
+pub(super) const SIDE: f64 = 2.0;
 
 /// Directions of the keypoints' joint motion with a standard deviation below this share of the
 /// largest are left out of the regression, as under [`Rank::Centred`](super::Rank::Centred).
@@ -117,19 +117,26 @@ pub fn regression(
 
 /// Sums over frames around a common centre: their number, of the rows, and of their products.
 #[derive(Clone)]
-struct Sums {
+pub(super) struct Sums {
     count: f64,
     first: DVector<f64>,
     second: DMatrix<f64>,
 }
 
 impl Sums {
-    fn new(columns: usize) -> Self {
+    pub fn new(columns: usize) -> Self {
         Self {
             count: 0.0,
             first: DVector::zeros(columns),
             second: DMatrix::zeros(columns, columns),
         }
+    }
+
+    /// Counts a row, which should lie around the origin.
+    pub fn push(&mut self, row: DVector<f64>) {
+        self.count += 1.0;
+        self.second.ger(1.0, &row, &row, 1.0);
+        self.first += row;
     }
 
     fn add(&mut self, other: &Self) {
@@ -140,7 +147,7 @@ impl Sums {
 
     /// Least squares of the last two columns on the others and a constant: the 2 x D matrix and the
     /// shift.
-    fn solve(&self) -> (DMatrix<f64>, DVector<f64>) {
+    pub fn solve(&self) -> (DMatrix<f64>, DVector<f64>) {
         let inputs = self.first.len() - 2;
         let mean = &self.first / self.count;
         let centred = &self.second - &self.first * mean.transpose();
@@ -183,10 +190,7 @@ fn regress(
     let mut sums = vec![Sums::new(centre.len()); count];
     for t in visible {
         let centred = row(*t) - &centre;
-        let sums = &mut sums[fold_of(*t)];
-        sums.count += 1.0;
-        sums.second.ger(1.0, &centred, &centred, 1.0);
-        sums.first += centred;
+        sums[fold_of(*t)].push(centred);
     }
     let maps: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = (0..count)
         .map(|fold| {

@@ -39,6 +39,7 @@ mod scale;
 mod sequences;
 pub mod stats;
 mod sufficiency;
+pub mod temporal;
 
 pub use accumulator::{Accumulator, NonFinite};
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};

@@ -81,6 +81,7 @@ impl ScoreOptions {
             seed: options.seed,
             sequences: options.sequences,
             context: options.context,
+            temporal: false,
             confidence_levels: options.confidence_levels,
         })
     }

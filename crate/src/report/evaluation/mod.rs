@@ -17,7 +17,7 @@ pub use confidence::confidence;
 pub use matrix::matrix;
 pub use page::{evaluation_page, evaluation_part};
 pub use sequences::sequences;
-pub use tables::{evaluation_csv, evaluation_tex};
+pub use tables::{evaluation_csv, evaluation_tex, temporal};
 pub use words::evaluation_text;
 
 /// All figures of an evaluation, for files; those by sequence where it has the sequences.

@@ -4,7 +4,7 @@
 use maud::{Markup, html};
 
 use super::evaluation_figures;
-use super::tables::{assignment, maps, objects, regression, worst_sequences};
+use super::tables::{assignment, maps, objects, regression, temporal, worst_sequences};
 use super::words::protocol;
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
@@ -26,6 +26,10 @@ pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
         @if let Some(sequences) = &report.sequences {
             h2 { "Worst sequences" }
             @for of in sequences { (worst_sequences(of).to_html()) }
+        }
+        @if let Some(measures) = &report.temporal {
+            h2 { "Temporal quality" }
+            (temporal(report, measures).to_html())
         }
         @if let Some(context) = &report.context {
             h2 { "Other metrics" }

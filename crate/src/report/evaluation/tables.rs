@@ -1,7 +1,9 @@
 //! The tables of one evaluation.
 
 use super::words::protocol;
-use crate::evaluation::{ContextReport, EvaluationReport, ObjectReport, SequencesReport};
+use crate::evaluation::{
+    ContextReport, EvaluationReport, ObjectReport, SequencesReport, TemporalReport,
+};
 use crate::metric::AffineMap;
 use crate::report::{Cell, Column, Emphasis, Precision, Table};
 
@@ -235,6 +237,51 @@ fn shares<'a>(
         let share = shares.and_then(|shares| shares.get(i));
         share.map_or_else(|| Cell::count(None), |share| Cell::text(percent(*share)))
     })
+}
+
+/// The best keypoints over time: a row a measure, a column an object, and one for all together
+/// where there is such a number.
+pub fn temporal(report: &EvaluationReport, measures: &TemporalReport) -> Table {
+    let objects = report.objects.iter();
+    let columns = std::iter::once(Column::text("temporal quality"))
+        .chain(objects.map(|object| Column::number(&object.name)))
+        .chain([Column::number("all")]);
+    let mut table = Table::new("temporal", "Temporal quality", columns).note(
+        "Of every object's best keypoint under its map; none of it changes the TC. docs/metrics.md has the \
+         definitions.",
+    );
+    for row in &measures.measures {
+        let (name, is_share) = measure(&row.measure);
+        let cell = |value: &Option<f64>| match value {
+            Some(share) if is_share => Cell::text(percent(*share)),
+            value => short(*value),
+        };
+        let cells = row.objects.iter().chain([&row.all]).map(cell);
+        table.push(std::iter::once(Cell::text(name)).chain(cells));
+    }
+    table
+}
+
+/// What a measure is called, and whether it is a share.
+fn measure(name: &str) -> (String, bool) {
+    let (words, is_share) = match name {
+        "jitter" => ("jitter, ndc/frame²", false),
+        "velocity_correlation" => ("velocity correlation", false),
+        "lag" => ("lag, frames", false),
+        "handed_over" => ("handed over", true),
+        "held_out_affine" => ("held out, affine map", false),
+        "held_out_orientation" => ("held out, with orientation", false),
+        "held_out_projective" => ("held out, projective map", false),
+        "visibility_accuracy" => ("visibility accuracy", true),
+        "position_accuracy" => ("position accuracy", true),
+        "average_jaccard" => ("average Jaccard", true),
+        "oks" => ("OKS", true),
+        other => match other.strip_prefix("pck_") {
+            Some(close) => return (format!("PCK within {close} %"), true),
+            None => (other, false),
+        },
+    };
+    (words.to_owned(), is_share)
 }
 
 /// Linear regression from all keypoints.
