@@ -40,6 +40,7 @@ pub(crate) struct Options {
     resampling_seed: u64,
     sequences: bool,
     context: bool,
+    temporal: bool,
     strict: bool,
     truth_reading: Reading,
     keypoints_reading: Reading,
@@ -89,6 +90,7 @@ impl Options {
             seed: self.resampling_seed,
             sequences: self.sequences,
             context: self.context,
+            temporal: self.temporal,
             confidence_levels: self.confidence_levels.clone(),
         })
     }
@@ -116,6 +118,7 @@ impl Options {
         let scoring = Scoring::matched(points, track, policy, matching)?;
         let join = JoinReport::new(scoring.join(), track.keys(), points.keys());
         let mut report = request.evaluate(&scoring, &join)?;
+        report.temporal = request.temporal(&scoring)?;
         report.findings = examine(&Subject {
             truth: points,
             truth_reading: Some(&truth.reading),

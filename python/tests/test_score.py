@@ -53,6 +53,7 @@ def test_every_option_means_what_it_means_in_the_terminal(terminal, tmp_path, rn
         ({"bootstrap": 50}, ["--bootstrap", "50"]),
         ({"sequences": True}, ["--sequences"]),
         ({"context": True}, ["--context"]),
+        ({"temporal": True}, ["--temporal"]),
         ({"space": "fraction"}, ["--space", "fraction"]),
         (
             {"space": "px", "image_size": (64, 48), "keypoints_space": "px"},

@@ -39,6 +39,7 @@ def score(
     resampling_seed: int = 0,
     sequences: bool = False,
     context: bool = False,
+    temporal: bool = False,
     strict: bool = False,
     space: Space | None = None,
     axis_order: AxisOrder | None = None,
@@ -75,7 +76,8 @@ def score(
       0.015.
     - `folds`: of the sequences for held-out errors, 0 for none; `bootstrap`: resamples for 95 %
       intervals; `resampling_seed`: of both.
-    - `sequences`: also the errors by sequence; `context`: also other metrics.
+    - `sequences`: also the errors by sequence; `context`: also other metrics; `temporal`: also
+      measures of the best keypoints over time.
     - `shift_frames`, `shift_sequences`: added to the numbers of the ground truth.
     - `strict`: raise when the TC is unknown because there are not enough data.
     - `space`, `axis_order`, `flip`, `zero_is_missing`: how `truth` is read; with `keypoints_`
@@ -107,6 +109,7 @@ def score(
         "resampling_seed": resampling_seed,
         "sequences": sequences,
         "context": context,
+        "temporal": temporal,
         "strict": strict,
         "truth_reading": {
             "space": space,
