@@ -17,7 +17,6 @@ use crate::data::{
     parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
 };
 use crate::error::{Error, ErrorKind, Reason, Result, without_controls};
-use crate::memory;
 use crate::pickle::is_pickle;
 use crate::track::{GroundTruth, KeypointTrack};
 use crate::weights::read;
