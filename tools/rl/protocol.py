@@ -78,9 +78,9 @@ PROTOCOLS = {
         size=256,
         meshes="paper",
     ),
-    # For a machine with one core: a curve in less than an hour.
+    # For a machine with one core: a curve in minutes.
     "reach": Protocol(
-        steps=20_000,
+        steps=10_000,
         environments=4,
         time_limit=50,
         evaluate_every=1_000,
