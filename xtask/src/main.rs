@@ -78,7 +78,8 @@ enum Task {
     /// which install more or take longer.
     Test {
         /// Everything: also the page in headless Chromium and Firefox, ONNX Runtime, the recorder
-        /// of PandaPush, the Python package, sweeps on Slurm and GNU parallel, the GPU on Mesa's lavapipe.
+        /// of PandaPush, the Python package, agents, sweeps on Slurm and GNU parallel, the GPU on
+        /// Mesa's lavapipe.
         #[arg(long)]
         all: bool,
         /// Also this part; may be given several times.

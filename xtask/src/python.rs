@@ -79,3 +79,20 @@ pub fn tests(workspace: &Workspace, wheel: &Path, binary: &Path) -> Result<()> {
     run::run(&mut module(&["mypy"]))?;
     run::run(&mut module(&["mypy.stubtest", "tracklens._tracklens"]))
 }
+
+/// Tests `tools/rl` with a wheel: agents in the scene of PandaPush, and the notebook of docs/rl.md.
+///
+/// # Errors
+/// The packages cannot be installed, or a test fails.
+pub fn rl_tests(workspace: &Workspace, wheel: &Path) -> Result<()> {
+    let folder = workspace.root().join("tools/rl");
+    let python = setup::python(workspace, "rl", &folder.join("requirements.txt"))?;
+    let anew = ["--no-deps", "--force-reinstall"].map(Path::new);
+    setup::pip_install(&python, anew.into_iter().chain([wheel]))?;
+    let mut pytest = run::command(&python);
+    // A test is many short runs: threads of PyTorch would wait for each other.
+    pytest
+        .args(["-m", "pytest", "-q", "tests"])
+        .env("OMP_NUM_THREADS", "1");
+    run::run(pytest.current_dir(&folder))
+}

@@ -23,6 +23,8 @@ pub enum Part {
     /// The Python package: its wheel in an environment of its own, and beside the command, gymnasium
     /// and Stable-Baselines3, which installs PyTorch.
     Python,
+    /// Agents in the scene of PandaPush (`tools/rl`), with the wheel; installs PyTorch and PyBullet.
+    Rl,
     /// Sweeps on Slurm and GNU parallel, which need Linux and root.
     Cluster,
     /// The GPU, on Mesa's lavapipe; burn is built once more.
@@ -33,11 +35,12 @@ pub enum Part {
 
 impl Part {
     /// The parts of `--all`.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Page,
         Self::Onnx,
         Self::Recorder,
         Self::Python,
+        Self::Rl,
         Self::Cluster,
         Self::Gpu,
     ];
@@ -48,6 +51,7 @@ impl Part {
             Self::Onnx => "exported encoders in ONNX Runtime",
             Self::Recorder => "recorder of PandaPush",
             Self::Python => "Python package",
+            Self::Rl => "agents in PandaPush",
             Self::Cluster => "sweeps on Slurm and GNU parallel",
             Self::Gpu => "GPU on lavapipe",
             Self::PageGpu => "the page in browsers, with WebGPU",
@@ -119,6 +123,7 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
                 }
             }
             Part::Python => python_tests(workspace, &mut steps),
+            Part::Rl => rl_tests(workspace, &mut steps),
             Part::Cluster => {
                 if steps
                     .run("set-up: Slurm and GNU parallel", setup::cluster)
@@ -244,6 +249,14 @@ fn python_tests(workspace: &Workspace, steps: &mut Steps) {
         build_binary(workspace)?;
         python::tests(workspace, &wheel, &workspace.binary("tracklens"))
     });
+}
+
+fn rl_tests(workspace: &Workspace, steps: &mut Steps) {
+    let name = Part::Rl.name();
+    match steps.run("Python wheel for agents", || python::wheel(workspace)) {
+        Some(wheel) => drop(steps.run(name, || python::rl_tests(workspace, &wheel))),
+        None => steps.blocked(name),
+    }
 }
 
 fn build_binary(workspace: &Workspace) -> Result<()> {
