@@ -116,9 +116,9 @@ const READINGS = new Map([
     {
       text:
         "no coordinate is negative, as in a unit from 0 to 1; expected ndc, −1 to +1 across the " +
-        "image, or pixels",
-      label: "Read as pixels",
-      options: { space: "px" },
+        "image",
+      label: "Read as 0 to 1",
+      options: { space: "fraction" },
     },
   ],
 ]);

@@ -29,32 +29,20 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 impl Browser {
     pub(crate) async fn start(self, arguments: &[&str]) -> Session {
-        let port = TcpListener::bind("127.0.0.1:0")
-            .and_then(|l| l.local_addr())
-            .expect("a free port")
-            .port();
         let profile = tempfile::tempdir().expect("a profile");
-        let mut process = self
-            .driver()
-            .arg(format!("--port={port}"))
-            .args(self.profile_arguments(&profile))
-            // Otherwise Firefox writes caches next to its profile.
-            .env("HOME", profile.path())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap_or_else(|e| {
-                panic!("{self:?}: {e}; `cargo xtask setup --browsers` installs its driver")
-            });
         let capabilities = self.capabilities(&profile, arguments);
-        let url = format!("http://127.0.0.1:{port}");
         let start = Instant::now();
+        let (mut process, mut url) = self.start_driver(&profile);
         let driver = loop {
             match WebDriver::new(&url, capabilities.clone()).await {
                 Ok(driver) => break driver,
                 Err(e) if start.elapsed() > PATIENCE => {
                     stop(&mut process);
                     panic!("no browser: {e}");
+                }
+                // Somebody else took the port in the meantime.
+                Err(_) if matches!(process.try_wait(), Ok(Some(_))) => {
+                    (process, url) = self.start_driver(&profile);
                 }
                 Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
             }
@@ -64,6 +52,27 @@ impl Browser {
             process,
             profile,
         }
+    }
+
+    /// Starts the driver on a free port; returns its address, too.
+    fn start_driver(self, profile: &tempfile::TempDir) -> (Child, String) {
+        let port = TcpListener::bind("127.0.0.1:0")
+            .and_then(|l| l.local_addr())
+            .expect("a free port")
+            .port();
+        let process = self
+            .driver()
+            .arg(format!("--port={port}"))
+            .args(self.profile_arguments(profile))
+            // Otherwise Firefox writes caches next to its profile.
+            .env("HOME", profile.path())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap_or_else(|e| {
+                panic!("{self:?}: {e}; `cargo xtask setup --browsers` installs its driver")
+            });
+        (process, format!("http://127.0.0.1:{port}"))
     }
 
     /// Keeps the profile of the browser in the folder of ours, where Chromium's is by its own
