@@ -37,83 +37,90 @@ const TABS = [
 /** @param {Session} session */
 export function showResults(session) {
   const place = byId("results");
-  /** What follows the evaluation. @type {View[]} */
-  let views = [];
-  /** @type {View[]} */
-  let cards = [];
-  /** @type {View | null} */
-  let matrix = null;
-  /** @type {View | null} */
-  let sequences = null;
-  /** @type {View | null} */
-  let trajectories = null;
+  const { score } = session;
+  /** What follows the evaluation. @type {Parts | null} */
+  let parts = null;
   /** What the cards and the sequences were last shown for. */
   let shown = "";
 
-  const rebuild = () => {
-    const wasShown = views.length > 0;
-    views = [];
-    if (!session.score.evaluation) {
-      place.hidden = true;
-      fill(place);
-      fillTabs(TABS.map(() => []));
-      delete place.dataset.tc;
-      if (wasShown) announce("There is no score any more.");
-      return;
-    }
-    const summary = summaryView(session);
-    cards = objectViews(session);
-    matrix = matrixView(session);
-    const capability = capabilityView(session);
-    sequences = new SequencesView(session);
-    trajectories = session.score.scoring ? trajectoriesView(session) : null;
-    const confidence = confidenceView(session);
-    const context = contextView(session);
-    const taking = exportView(session);
-    const tabs = [matrix, trajectories, capability, confidence, sequences, context, taking];
-    views = [summary, ...cards, ...tabs.filter((view) => view !== null)];
-    const lists = cards.map(({ element }) => element);
-    fill(place, summary.element, h("div", { class: "objects panel" }, ...lists, summary.warnings));
-    fillTabs([
-      [matrix.element],
-      trajectories ? [trajectories.element] : [],
-      [sequences.element],
-      [capability.element, ...(confidence ? [confidence.element] : []), context.element],
-      [taking.element],
-    ]);
-    update();
-    const { tc, objects } = session.score.evaluation;
-    announce(`Tracking capability ${tcText(tc)}: ${tally(objects)}.`);
-  };
   const update = () => {
-    place.hidden = session.score.evaluation === null;
-    if (!session.score.evaluation) {
+    place.hidden = score.evaluation === null;
+    if (!score.evaluation) {
       delete place.dataset.tc;
       return;
     }
-    place.dataset.tc = String(session.score.evaluation.tc);
+    place.dataset.tc = String(score.evaluation.tc);
     shown = display(session);
-    for (const view of views) view.update();
+    for (const view of parts?.all ?? []) view.update();
   };
-  session.score.addEventListener("scoring", rebuild);
-  session.score.addEventListener("evaluation", () => {
+  score.addEventListener("scoring", () => {
+    const wasShown = parts !== null;
+    parts = score.evaluation ? partsOf(session) : null;
+    fill(place, ...(parts?.score ?? []));
+    fillTabs(parts?.tabs ?? TABS.map(() => []));
+    update();
+    if (score.evaluation) {
+      const { tc, objects } = score.evaluation;
+      announce(`Tracking capability ${tcText(tc)}: ${tally(objects)}.`);
+    } else if (wasShown) announce("There is no score any more.");
+  });
+  for (const topic of ["evaluation", "intervals"]) {
     // Within one change the new points come with their own event.
-    if (views.length > 0) update();
-  });
-  session.score.addEventListener("intervals", () => {
-    if (views.length > 0) update();
-  });
-  session.score.addEventListener("selection", () => {
+    score.addEventListener(topic, () => parts && update());
+  }
+  score.addEventListener("selection", () => {
     // While the frames of a sequence go by, nothing here changes.
-    if (views.length === 0 || display(session) === shown) return;
+    if (!parts || display(session) === shown) return;
     shown = display(session);
-    for (const view of cards) view.update();
-    sequences?.update();
-    trajectories?.update();
+    for (const view of parts.selected) view.update();
   });
-  session.score.addEventListener("choice", () => {
-    if (views.length > 0) matrix?.update();
-  });
+  score.addEventListener("choice", () => parts?.matrix.update());
+}
+
+/**
+ * @typedef {object} Parts
+ * @property {View[]} all
+ * @property {View[]} selected those that show the object and the sequence on display
+ * @property {View} matrix
+ * @property {HTMLElement[]} score the elements beside the frames
+ * @property {HTMLElement[][]} tabs the elements of the tabs
+ */
+
+/**
+ * The views of an evaluation.
+ * @param {Session} session
+ * @returns {Parts}
+ */
+function partsOf(session) {
+  const summary = summaryView(session);
+  const cards = objectViews(session);
+  const matrix = matrixView(session);
+  const capability = capabilityView(session);
+  const sequences = new SequencesView(session);
+  const trajectories = session.score.scoring ? trajectoriesView(session) : null;
+  const confidence = confidenceView(session);
+  const context = contextView(session);
+  const taking = exportView(session);
+  const tabs = [matrix, trajectories, capability, confidence, sequences, context, taking];
+  const isThere = (/** @type {View | null} */ view) => view !== null;
+  const elements = (/** @type {(View | null)[]} */ ...views) =>
+    views.filter(isThere).map(({ element }) => element);
+  return {
+    all: [summary, ...cards, ...tabs.filter(isThere)],
+    selected: [...cards, sequences, ...(trajectories ? [trajectories] : [])],
+    matrix,
+    score: [
+      summary.element,
+      h("div", { class: "objects panel" }, ...elements(...cards), summary.warnings),
+    ],
+    tabs: [
+      elements(matrix),
+      elements(trajectories),
+      elements(sequences),
+      elements(capability, confidence, context),
+      elements(taking),
+    ],
+  };
 }
 
 /**

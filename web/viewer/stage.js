@@ -5,7 +5,7 @@ import { h } from "../ui/dom.js";
 import { baseName, fixed } from "../ui/format.js";
 import { objectColor } from "../ui/palette.js";
 import { ImageCache } from "../files/image-cache.js";
-import { gestures } from "./gestures.js";
+import { Gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
 import { paint, placing } from "./scene.js";
 import { WHOLE } from "./view.js";
@@ -63,7 +63,7 @@ export class Stage {
     this.element = h("div", { class: "stage-row" }, this.#canvas, this.#reconstruction);
     this.#canvas.addEventListener("pointermove", (event) => this.#hover(this.#under(event)));
     this.#canvas.addEventListener("pointerleave", () => this.#hover(null));
-    this.gesture = gestures(this.#canvas, {
+    this.gesture = new Gestures(this.#canvas, {
       onView: (next) => {
         this.#view = next;
         this.draw();

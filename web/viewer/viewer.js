@@ -200,8 +200,8 @@ function trailSelect(look, onChange) {
   return trail;
 }
 
-/** @param {{ zoomIn: () => void, zoomOut: () => void, reset: () => void }} gesture */
-function zoomView({ zoomIn, zoomOut, reset }) {
+/** @param {Stage["gesture"]} gesture */
+function zoomView(gesture) {
   const button = (
     /** @type {string} */ symbol,
     /** @type {string} */ label,
@@ -215,9 +215,9 @@ function zoomView({ zoomIn, zoomOut, reset }) {
   return h(
     "div",
     { class: "zoom", role: "group", "aria-label": "Zoom" },
-    button("icon-none", "Zoom out (−)", zoomOut),
-    button("icon-plus", "Zoom in (+)", zoomIn),
-    button("icon-fit", "All of the image (0)", reset),
+    button("icon-none", "Zoom out (−)", () => gesture.zoomOut()),
+    button("icon-plus", "Zoom in (+)", () => gesture.zoomIn()),
+    button("icon-fit", "All of the image (0)", () => gesture.reset()),
   );
 }
 
