@@ -726,10 +726,10 @@ export class Session extends EventTarget {
    * @param {Indexed | null} indexed
    */
   #scoreTable(truth, table, indexed) {
+    const least = this.#leastConfidence(truth, table);
     /** @type {Scoring} */
     let scoring;
     try {
-      const least = this.#leastConfidence(truth, table);
       scoring = new Scoring(truth, table, undefined, least, this.alignment);
     } catch (error) {
       this.#failToJoin("scoring", error);
@@ -737,7 +737,7 @@ export class Session extends EventTarget {
     }
     this.#derived.push(scoring);
     this.join = scoring.join;
-    const findings = this.#examine(truth, table);
+    const findings = this.#examine(truth, table, least);
     if (this.questions.length > 0) return;
     const positions = indexed ? Array.from(scoring.imagesFrom(indexed.frames)) : [];
     const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
@@ -766,10 +766,10 @@ export class Session extends EventTarget {
    * What looks wrong with two tables; what can be put right becomes a question.
    * @param {GroundTruthTable} truth
    * @param {KeypointTable} table
+   * @param {MinConfidence} least
    */
-  #examine(truth, table) {
+  #examine(truth, table, least) {
     if (!this.#hasDoctor) return [];
-    const least = this.#leastConfidence(truth, table);
     const findings = examine(truth.toObject(), table.toObject(), least, this.alignment);
     this.questions = findings.filter(
       ({ text, remedies }) => remedies.length > 0 && !this.#answered.has(text),

@@ -25,16 +25,18 @@ use blocks::Blocks;
 /// The keypoints without those that are not sure enough, where there are such.
 fn sure_keypoints(subject: &Subject) -> Option<KeypointTrack> {
     let of = subject.keypoints;
+    let (confidence, least) = of.confidence().zip(subject.least.keypoints)?;
     let mut points = of.points().clone();
-    hide(&mut points, of.confidence()?, subject.least.keypoints?);
+    hide(&mut points, confidence, least);
     KeypointTrack::new(of.keys().to_vec(), points).ok()
 }
 
 /// The ground truth without positions that are not sure enough, where there are such.
 fn sure_truth(subject: &Subject) -> Option<GroundTruth> {
     let of = subject.truth;
+    let (confidence, least) = of.confidence().zip(subject.least.truth)?;
     let mut points = of.points_ndc().clone();
-    hide(&mut points, of.confidence()?, subject.least.truth?);
+    hide(&mut points, confidence, least);
     GroundTruth::new(of.keys().to_vec(), of.names().to_vec(), points).ok()
 }
 
