@@ -275,17 +275,22 @@ impl File<'_> {
         sizes.map(|size| self.pickle.size(*size)).collect()
     }
 
-    /// The parts of an array in any way in which numpy pickles one.
-    fn stored(&self, id: Id) -> Option<Stored> {
+    /// The class of an object, the arguments that make it, and its state.
+    fn object(&self, id: Id) -> Option<(&str, Id, Option<Id>)> {
         let Node::Object {
             arguments, state, ..
         } = self.pickle.node(id)
         else {
             return None;
         };
-        let class = self.pickle.class(id)?;
+        Some((self.pickle.class(id)?, *arguments, *state))
+    }
+
+    /// The parts of an array in any way in which numpy pickles one.
+    fn stored(&self, id: Id) -> Option<Stored> {
+        let (class, arguments, state) = self.object(id)?;
         if class.ends_with("multiarray._reconstruct") {
-            let &[_, shape, dtype, order, data] = self.pickle.items((*state)?)? else {
+            let &[_, shape, dtype, order, data] = self.pickle.items(state?)? else {
                 return None;
             };
             return Some(Stored {
@@ -299,7 +304,7 @@ impl File<'_> {
         if !class.ends_with("numeric._frombuffer") {
             return None;
         }
-        let (data, dtype, shape, order, axes) = match *self.pickle.items(*arguments)? {
+        let (data, dtype, shape, order, axes) = match *self.pickle.items(arguments)? {
             [data, dtype, shape, order] => (data, dtype, shape, order, None),
             [data, dtype, shape, order, axes] => (data, dtype, shape, order, Some(axes)),
             _ => return None,
@@ -315,14 +320,8 @@ impl File<'_> {
 
     /// A type as `.npy` files write it, e.g. `<f4`.
     fn dtype(&self, id: Id) -> Option<String> {
-        let Node::Object {
-            arguments, state, ..
-        } = self.pickle.node(id)
-        else {
-            return None;
-        };
-        let class = self.pickle.class(id)?;
-        let code = self.pickle.text(*self.pickle.items(*arguments)?.first()?)?;
+        let (class, arguments, state) = self.object(id)?;
+        let code = self.pickle.text(*self.pickle.items(arguments)?.first()?)?;
         let order = state.and_then(|state| self.pickle.text(*self.pickle.items(state)?.get(1)?));
         (class == "numpy.dtype").then(|| format!("{}{code}", order.unwrap_or("|")))
     }
