@@ -91,6 +91,8 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
         steps.blocked(npm);
     }
 
+    // Built once for the parts that need it.
+    let mut wheel = None;
     for part in Part::ALL {
         let page_with_gpu = part == Part::Page && page_gpu;
         if !wanted(part) && !page_with_gpu {
@@ -122,8 +124,17 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
                     steps.blocked(part.name());
                 }
             }
-            Part::Python => python_tests(workspace, &mut steps),
-            Part::Rl => rl_tests(workspace, &mut steps),
+            Part::Python | Part::Rl => {
+                let built = wheel
+                    .get_or_insert_with(|| steps.run("Python wheel", || python::wheel(workspace)));
+                match (built, part) {
+                    (None, _) => steps.blocked(part.name()),
+                    (Some(wheel), Part::Rl) => {
+                        let _ = steps.run(part.name(), || python::rl_tests(workspace, wheel));
+                    }
+                    (Some(wheel), _) => python_tests(workspace, wheel, &mut steps),
+                }
+            }
             Part::Cluster => {
                 if steps
                     .run("set-up: Slurm and GNU parallel", setup::cluster)
@@ -237,26 +248,14 @@ fn onnx_tests(workspace: &Workspace) -> Result<()> {
     )
 }
 
-fn python_tests(workspace: &Workspace, steps: &mut Steps) {
-    let name = Part::Python.name();
-    let Some(wheel) = steps.run("Python wheel", || python::wheel(workspace)) else {
-        return steps.blocked(name);
-    };
+fn python_tests(workspace: &Workspace, wheel: &Path, steps: &mut Steps) {
     steps.run("Python wheel in a clean environment", || {
-        python::clean_tests(workspace, &wheel)
+        python::clean_tests(workspace, wheel)
     });
-    steps.run(name, || {
+    steps.run(Part::Python.name(), || {
         build_binary(workspace)?;
-        python::tests(workspace, &wheel, &workspace.binary("tracklens"))
+        python::tests(workspace, wheel, &workspace.binary("tracklens"))
     });
-}
-
-fn rl_tests(workspace: &Workspace, steps: &mut Steps) {
-    let name = Part::Rl.name();
-    match steps.run("Python wheel for agents", || python::wheel(workspace)) {
-        Some(wheel) => drop(steps.run(name, || python::rl_tests(workspace, &wheel))),
-        None => steps.blocked(name),
-    }
 }
 
 fn build_binary(workspace: &Workspace) -> Result<()> {
