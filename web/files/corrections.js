@@ -25,6 +25,68 @@ export const ROLES = {
 /** @type {Record<NonNullable<TableOptions["space"]>, string>} */
 const UNITS = { ndc: "ndc", px: "pixels", fraction: "0 to 1" };
 
+/**
+ * What of the reading of a table can be chosen: by the name of the option, with the value that holds
+ * where neither the file nor the user says one.
+ * @type {{ key: "space" | "axisOrder" | "flip" | "zeroIsMissing" | "indexBase", label: string,
+ *   values: string[][], usual: string | number | boolean, parse: (value: string) => unknown }[]}
+ */
+const READINGS = [
+  {
+    key: "space",
+    label: "Unit",
+    values: [
+      ["ndc", "ndc, −1 to +1"],
+      ["px", "pixels"],
+      ["fraction", "0 to 1"],
+    ],
+    usual: "ndc",
+    parse: String,
+  },
+  {
+    key: "axisOrder",
+    label: "Axes",
+    values: [
+      ["xy", "x, y"],
+      ["yx", "y, x"],
+    ],
+    usual: "xy",
+    parse: String,
+  },
+  {
+    key: "flip",
+    label: "Flipped",
+    values: [
+      ["none", "no axis"],
+      ["x", "x"],
+      ["y", "y"],
+      ["xy", "both"],
+    ],
+    usual: "none",
+    parse: String,
+  },
+  {
+    key: "zeroIsMissing",
+    label: "(0, 0) is",
+    values: [
+      ["false", "a position"],
+      ["true", "a missing point"],
+    ],
+    usual: false,
+    parse: (value) => value === "true",
+  },
+  {
+    key: "indexBase",
+    label: "First frame",
+    values: [
+      ["0", "0"],
+      ["1", "1"],
+    ],
+    usual: 0,
+    parse: Number,
+  },
+];
+
 /** @type {Record<string, string>} */
 const GROUNDS = { guess: "assumed", file: "from the file", said: "as you said" };
 
@@ -60,81 +122,43 @@ export function corrections(session, entry) {
 }
 
 /**
+ * How a table was read, each with the other ways to read it.
  * @param {Session} session
  * @param {Entry} entry a table
  */
 function readingChoices(session, entry) {
-  const { options, arrays } = entry;
   const reading = tableOf(entry)?.reading;
-  const set = (/** @type {TableOptions} */ changed) => void session.setTableOptions(entry, changed);
-  return [
+  // Recordings count their frames from 0.
+  const asked = READINGS.filter(({ key }) => !entry.arrays || key !== "indexBase");
+  const read = asked.map(({ key, label, values, usual, parse }) =>
     choice(
-      "Unit",
-      "space",
-      [
-        ["ndc", "ndc, −1 to +1"],
-        ["px", "pixels"],
-        ["fraction", "0 to 1"],
-      ],
-      reading?.space ?? { value: options.space ?? "ndc", by: "guess" },
-      (space) => set({ space: /** @type {TableOptions["space"]} */ (space) }),
+      label,
+      key,
+      values,
+      reading?.[key] ?? { value: entry.options[key] ?? usual, by: "guess" },
+      (value) => void session.setTableOptions(entry, { [key]: parse(value) }),
     ),
-    choice(
-      "Axes",
-      "axisOrder",
-      [
-        ["xy", "x, y"],
-        ["yx", "y, x"],
-      ],
-      reading?.axisOrder ?? { value: options.axisOrder ?? "xy", by: "guess" },
-      (axisOrder) => set({ axisOrder: /** @type {"xy" | "yx"} */ (axisOrder) }),
-    ),
-    choice(
-      "Flipped",
-      "flip",
-      [
-        ["none", "no axis"],
-        ["x", "x"],
-        ["y", "y"],
-        ["xy", "both"],
-      ],
-      reading?.flip ?? { value: options.flip ?? "none", by: "guess" },
-      (flip) => set({ flip: /** @type {TableOptions["flip"]} */ (flip) }),
-    ),
-    choice(
-      "(0, 0) is",
-      "zeroIsMissing",
-      [
-        ["false", "a position"],
-        ["true", "a missing point"],
-      ],
-      reading?.zeroIsMissing ?? { value: options.zeroIsMissing ?? false, by: "guess" },
-      (is) => set({ zeroIsMissing: is === "true" }),
-    ),
-    !arrays &&
-      choice(
-        "First frame",
-        "indexBase",
-        [
-          ["0", "0"],
-          ["1", "1"],
-        ],
-        reading?.indexBase ?? { value: options.indexBase ?? 0, by: "guess" },
-        (base) => set({ indexBase: Number(base) }),
-      ),
-    ...Object.entries(entry.alignment).map(([what, by]) =>
-      choice(
-        what === "frames" ? "Frames shifted by" : "Sequences shifted by",
-        what,
-        [
-          [String(by), String(by)],
-          ["0", "0"],
-        ],
-        { value: by, by: "said" },
-        (next) => void session.align(entry, { [what]: Number(next) }),
-      ),
-    ),
-  ];
+  );
+  return [...read, ...shiftChoices(session, entry)];
+}
+
+/**
+ * What is added to the numbers of frames and sequences, to be taken back.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function shiftChoices(session, entry) {
+  return Object.entries(entry.alignment).map(([what, by]) => {
+    const label = what === "frames" ? "Frames shifted by" : "Sequences shifted by";
+    const values = [String(by), "0"].map((value) => [value, value]);
+    return choice(
+      label,
+      what,
+      values,
+      { value: by, by: "said" },
+      (next) => void session.align(entry, { [what]: Number(next) }),
+    );
+  });
 }
 
 /**
