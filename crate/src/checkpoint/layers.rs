@@ -56,6 +56,11 @@ impl ConvLayer {
         }
     }
 
+    /// Whether it follows another convolution in its block, as in KeyNet.
+    pub fn is_second_in_block(&self) -> bool {
+        self.name.contains(".block") && self.name.ends_with(".conv2")
+    }
+
     /// The side of what the convolution makes of an input with this side, before a pool; `None`
     /// when the kernel does not fit.
     pub fn convolved_side(&self, side: usize) -> Option<usize> {

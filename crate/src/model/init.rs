@@ -59,7 +59,8 @@ const SHARPNESS: [f64; 2] = [0.5, 5.0];
 /// CNNs", ICML 2018); its bias is 0. The maps then have the resolution of their cells from the first
 /// step on, and a keypoint attends to a colour wherever it is in the image. Convolutions drawn as
 /// PyTorch draws them average over all that their kernels see, in which an object of few pixels is
-/// lost.
+/// lost. The second convolution of a block starts as the identity: drawn as well, it would mix
+/// colours that the first one has told apart.
 ///
 /// The first convolution sees colours multiplied by `colors`, a matrix that makes them vary alike in
 /// all directions, so that small coloured objects count as much as large grey ones. The filters of
@@ -80,7 +81,10 @@ pub fn pointwise_encoder(
     let layers = weights.config.encoder_layers();
     for (i, layer) in layers.iter().enumerate() {
         let (rows, columns) = (layer.outputs, layer.inputs);
-        let mut filters = orthogonal(rows, columns, &mut rng);
+        let mut filters = match layer.is_second_in_block() {
+            true => identity(rows),
+            false => orthogonal(rows, columns, &mut rng),
+        };
         if i == 0 {
             for filter in filters.chunks_exact_mut(columns) {
                 let of = |j: usize| (0..3).map(|k| filter[k] * colors[k][j]).sum();
@@ -113,6 +117,13 @@ pub fn pointwise_encoder(
         }
     }
     Ok(())
+}
+
+/// The identity of `size` rows, row by row.
+fn identity(size: usize) -> Vec<f64> {
+    (0..size * size)
+        .map(|i| f64::from(u8::from(i % (size + 1) == 0)))
+        .collect()
 }
 
 /// A random matrix with orthonormal rows or columns, whichever are fewer: row by row, `rows` x
