@@ -936,6 +936,83 @@ mod train {
     }
 
     #[test]
+    fn a_preset_is_the_values_it_stands_for_unless_others_are_given() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let train = |name: &str, more: &[&str]| {
+            let out = folder.path().join(name);
+            let given = [
+                "train",
+                "--quiet",
+                "--data",
+                &frames(),
+                "--out",
+                &text(&out),
+            ]
+            .map(str::to_owned)
+            .to_vec();
+            let more = more.iter().map(|a| (*a).to_owned());
+            let done = tracklens(&given.into_iter().chain(more).collect::<Vec<_>>());
+            let config = std::fs::read(out.join("config.json")).ok();
+            let config = config.map(|json| serde_json::from_slice::<Value>(&json).expect("JSON"));
+            (done, config)
+        };
+        // The frames of the tests have no episodes.
+        let small = [
+            "--preset",
+            "small-cpu",
+            "--epochs",
+            "1",
+            "--batch",
+            "2",
+            "--split-by",
+            "sequence",
+            "--split",
+            "0.67,0.33",
+            "--decoder-channels",
+            "4,4,4",
+        ];
+        let (done, config) = train("preset", &small);
+        assert!(done.status.success(), "{}", stderr(&done));
+        let config = config.expect("a configuration");
+        let sae = &config["sae"];
+        assert_eq!(sae["architecture"], "keynet-vel-std-bg");
+        assert_eq!(sae["encoder_strides"], serde_json::json!([1, 2, 1, 1]));
+        assert_eq!(sae["decoder_channels"], serde_json::json!([4, 4, 4]));
+        assert_eq!(sae["input_size"], serde_json::json!([64, 64]));
+        assert_eq!(config["encoder_start"], "pointwise");
+        assert_eq!(config["color_error"], "whitened");
+        assert_eq!(config["background"], "mean");
+        assert_eq!(config["batch"], 2);
+        assert_eq!(config["epochs"], 1);
+        assert!(config.get("split_by").is_none(), "{config}");
+        assert!(config.get("preset").is_none(), "{config}");
+
+        // The weights of a checkpoint take the place of what the preset starts from.
+        let file = text(&folder.path().join("preset/checkpoint_final.safetensors"));
+        let on = [&small[..], &["--weights", &file]].concat();
+        let (done, config) = train("on", &on);
+        assert!(done.status.success(), "{}", stderr(&done));
+        let config = config.expect("a configuration");
+        assert!(config.get("encoder_start").is_none(), "{config}");
+
+        let basic = [&small[..], &["--arch", "basic"]].concat();
+        let (done, _) = train("basic", &basic);
+        assert_eq!(done.status.code(), Some(3), "{}", stderr(&done));
+        assert!(
+            stderr(&done).contains("no sizes for basic; expected a KeyNet"),
+            "{}",
+            stderr(&done)
+        );
+        let (done, _) = train("unknown", &["--preset", "small"]);
+        assert_eq!(done.status.code(), Some(2));
+        assert!(
+            stderr(&done).contains("expected `small-cpu`"),
+            "{}",
+            stderr(&done)
+        );
+    }
+
+    #[test]
     fn an_encoder_starts_pointwise() {
         let folder = tempfile::tempdir().expect("a folder");
         let out = folder.path().join("run");

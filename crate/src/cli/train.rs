@@ -1,6 +1,5 @@
 //! `tracklens train`.
 
-use std::fs;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -10,16 +9,16 @@ use serde::de::DeserializeOwned;
 use super::device::open_and_tell;
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::{EPISODES, TruthArguments};
-use crate::checkpoint::SaeConfig;
+use crate::checkpoint::{Checkpoint, SaeConfig};
 use crate::data::parse_episodes;
 use crate::device::DeviceKind;
 use crate::error::{Error, Result};
-use crate::event::Event;
+use crate::event::{Cancel, Event};
 use crate::metric::Transform;
 use crate::model::{fresh_weights, load_first_layer, load_weights};
 use crate::run::{
-    BackgroundStart, ColorError, EncoderStart, FirstLayer, Split, SplitBy, StartWeights,
-    TargetFilter, TrainConfig, ValidationFrames,
+    BackgroundStart, ColorError, EncoderStart, FirstLayer, Preset, Split, SplitBy, StartWeights,
+    TargetFilter, TrainConfig, TrainSummary, ValidationFrames,
 };
 use crate::sweep::architecture_named;
 use crate::train::{Dataset, Existing, RunLock, RunOptions, train};
@@ -41,41 +40,46 @@ pub(super) struct TrainArguments {
     /// it is needed
     #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes)]
     cache: u64,
+    /// Options that are known to work: `small-cpu`, a small keynet-vel-std-bg that two cores train
+    /// to track small coloured objects (docs/training-log.md). Options that are given count more;
+    /// the defaults below are those without a preset
+    #[arg(long, value_name = "NAME", value_parser = named::<Preset>)]
+    preset: Option<Preset>,
     /// Architecture: basic, basic-kp32, dsae, keynet; basic and keynet with any of -vel, -std, -bg
-    /// (e.g. keynet-vel-std-bg)
-    #[arg(long, value_name = "NAME", default_value = "basic", value_parser = architecture_named)]
-    arch: SaeConfig,
+    /// (e.g. keynet-vel-std-bg); default: basic
+    #[arg(long, value_name = "NAME", value_parser = architecture_named)]
+    arch: Option<SaeConfig>,
     /// Run folder to write; must not hold a run yet, unless it is resumed
     #[arg(long, value_name = "RUN_DIR")]
     out: PathBuf,
-    /// Passes over the training sequences
-    #[arg(long, default_value_t = 500)]
-    epochs: u32,
+    /// Passes over the training sequences; default: 500
+    #[arg(long)]
+    epochs: Option<u32>,
     /// Seeds weights, split, order and noise
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Snippets of three frames a step
-    #[arg(long, default_value_t = 32)]
-    batch: usize,
-    /// Adam's learning rate
-    #[arg(long, default_value_t = 1e-3)]
-    learning_rate: f64,
+    /// Snippets of three frames a step; default: 32
+    #[arg(long)]
+    batch: Option<usize>,
+    /// Adam's learning rate; default: 0.001
+    #[arg(long)]
+    learning_rate: Option<f64>,
     /// Adam's learning rate for the encoder, which keeps what it sees from the start when it is
     /// smaller; default: that of the decoder
     #[arg(long)]
     encoder_learning_rate: Option<f64>,
-    /// Standard deviation of the noise on the input
-    #[arg(long, default_value_t = 1e-3)]
-    noise: f32,
+    /// Standard deviation of the noise on the input; default: 0.001
+    #[arg(long)]
+    noise: Option<f32>,
     /// Shares of the sequences for training and validation (the rest stays unseen), or `reference`:
     /// the authors' numpy split into half, quarter and quarter (`reference:SEED` for another numpy
-    /// seed than 0)
-    #[arg(long, value_name = "TRAIN,VAL", default_value = "0.5,0.25")]
-    split: Split,
+    /// seed than 0); default: 0.5,0.25
+    #[arg(long, value_name = "TRAIN,VAL")]
+    split: Option<Split>,
     /// What the split keeps together: the frames of a `sequence`, or the sequences of an `episode`,
-    /// as sequences.csv with the data has them (columns sequence and episode)
-    #[arg(long, value_name = "UNIT", default_value = "sequence", value_parser = named::<SplitBy>)]
-    split_by: SplitBy,
+    /// as sequences.csv with the data has them (columns sequence and episode); default: sequence
+    #[arg(long, value_name = "UNIT", value_parser = named::<SplitBy>)]
+    split_by: Option<SplitBy>,
     /// Weight of the velocity loss; default: 0.1 with -vel and for dsae, otherwise 0
     #[arg(long, value_name = "WEIGHT")]
     velocity_weight: Option<f64>,
@@ -84,26 +88,26 @@ pub(super) struct TrainArguments {
     #[arg(long)]
     keep_last: bool,
     /// Frames of the validation sequences for the metric: `first` of every snippet, as in the
-    /// authors' code, or `all`
-    #[arg(long, value_name = "WHICH", default_value = "first", value_parser = named::<ValidationFrames>)]
-    validation_frames: ValidationFrames,
+    /// authors' code, or `all`; default: first
+    #[arg(long, value_name = "WHICH", value_parser = named::<ValidationFrames>)]
+    validation_frames: Option<ValidationFrames>,
     /// How targets are resized: `bilinear` (no antialiasing, as the authors' torchvision), or
-    /// `bilinear-antialias`
-    #[arg(long, value_name = "FILTER", default_value = "bilinear", value_parser = named::<TargetFilter>)]
-    target_filter: TargetFilter,
+    /// `bilinear-antialias`; default: bilinear
+    #[arg(long, value_name = "FILTER", value_parser = named::<TargetFilter>)]
+    target_filter: Option<TargetFilter>,
     /// How colours are compared: `plain`, the mean squared error of the paper, `whitened`, by the
     /// covariance of the colours that move, in which small coloured objects count as much as large
-    /// grey ones, or `half-whitened`, between the two
-    #[arg(long, value_name = "ERROR", default_value = "plain", value_parser = named::<ColorError>)]
-    color_error: ColorError,
+    /// grey ones, or `half-whitened`, between the two; default: plain
+    #[arg(long, value_name = "ERROR", value_parser = named::<ColorError>)]
+    color_error: Option<ColorError>,
     /// What the background of -bg starts from: `zero`, as in the paper, or the `mean` of the
-    /// training targets, which small networks need to find small objects
-    #[arg(long, value_name = "START", default_value = "zero", value_parser = named::<BackgroundStart>)]
-    background: BackgroundStart,
+    /// training targets, which small networks need to find small objects; default: zero
+    #[arg(long, value_name = "START", value_parser = named::<BackgroundStart>)]
+    background: Option<BackgroundStart>,
     /// How the encoder is drawn: `drawn`, as the authors' code, or `pointwise`, as a random filter of
-    /// colours that sees one pixel at a time, which finds objects of few pixels
-    #[arg(long, value_name = "START", default_value = "drawn", value_parser = named::<EncoderStart>)]
-    encoder_start: EncoderStart,
+    /// colours that sees one pixel at a time, which finds objects of few pixels; default: drawn
+    #[arg(long, value_name = "START", value_parser = named::<EncoderStart>)]
+    encoder_start: Option<EncoderStart>,
     /// Start from the first convolution of a trained network (.safetensors, .pth, .bpk), as the
     /// authors' DSAE starts from that of torchvision's DenseNet-201; default: drawn as the other
     /// layers
@@ -243,46 +247,114 @@ pub(super) fn episodes(data: &Path) -> Result<Vec<(String, String)>> {
 }
 
 impl TrainArguments {
-    pub(super) fn epochs(&self) -> u32 {
-        self.epochs
-    }
-
-    pub(super) fn config(&self) -> TrainConfig {
-        TrainConfig {
-            sae: self.sizes.apply(&self.arch),
-            epochs: self.epochs,
+    /// What to train: the paper's settings or those of the preset, but for what is given.
+    ///
+    /// # Errors
+    /// When the preset has no settings for the architecture, or a value is not allowed.
+    pub(super) fn config(&self) -> Result<TrainConfig> {
+        let sae = match (&self.arch, self.preset) {
+            (Some(sae), _) => sae.clone(),
+            (None, Some(preset)) => SaeConfig::named(preset.architecture())?,
+            (None, None) => SaeConfig::named("basic")?,
+        };
+        let base = match self.preset {
+            Some(preset) => preset.config(&sae)?,
+            None => TrainConfig::new(sae),
+        };
+        // Weights of another network take the place of what a preset starts from.
+        let background = match &self.weights {
+            Some(_) => BackgroundStart::Zero,
+            None => base.background,
+        };
+        let encoder_start = match self.weights.as_ref().or(self.first_layer.as_ref()) {
+            Some(_) => EncoderStart::Drawn,
+            None => base.encoder_start,
+        };
+        let config = TrainConfig {
+            sae: self.sizes.apply(&base.sae),
+            epochs: self.epochs.unwrap_or(base.epochs),
             seed: self.seed,
-            batch: self.batch,
-            learning_rate: self.learning_rate,
-            encoder_learning_rate: self.encoder_learning_rate,
-            noise: self.noise,
-            split: self.split,
-            split_by: self.split_by,
+            batch: self.batch.unwrap_or(base.batch),
+            learning_rate: self.learning_rate.unwrap_or(base.learning_rate),
+            encoder_learning_rate: self.encoder_learning_rate.or(base.encoder_learning_rate),
+            noise: self.noise.unwrap_or(base.noise),
+            split: self.split.unwrap_or(base.split),
+            split_by: self.split_by.unwrap_or(base.split_by),
             drop_last: !self.keep_last,
-            validation_frames: self.validation_frames,
-            target_filter: self.target_filter,
-            velocity_weight: self
-                .velocity_weight
-                .unwrap_or(self.arch.architecture.velocity_weight()),
-            color_error: self.color_error,
-            background: self.background,
-            encoder_start: self.encoder_start,
+            validation_frames: self.validation_frames.unwrap_or(base.validation_frames),
+            target_filter: self.target_filter.unwrap_or(base.target_filter),
+            velocity_weight: self.velocity_weight.unwrap_or(base.velocity_weight),
+            color_error: self.color_error.unwrap_or(base.color_error),
+            background: self.background.unwrap_or(background),
+            encoder_start: self.encoder_start.unwrap_or(encoder_start),
             first_layer: None,
             weights: None,
             device: self.device,
+        };
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Frames and truth, read as the training needs them.
+    fn dataset(&self, config: &TrainConfig, cancel: &Cancel) -> Result<Dataset> {
+        let frames = self.reading.open(&self.data)?;
+        let truth = self.reading.need(
+            self.truth.as_deref(),
+            &self.data,
+            &*frames,
+            "the metric of every epoch",
+        )?;
+        eprintln!("reading {} frames", frames.index().keys().len());
+        let dataset = Dataset::load(frames, &truth.points, config, self.cache, cancel)?;
+        let dataset = match config.split_by {
+            SplitBy::Episode => dataset.with_episodes(&episodes(&self.data)?)?,
+            SplitBy::Sequence => dataset,
+        };
+        for notice in &dataset.notices {
+            eprintln!("note: {notice}");
         }
+        Ok(dataset)
+    }
+
+    /// The weights to start from; `config` learns which files they come from.
+    fn start(&self, config: &mut TrainConfig, input_size: [usize; 2]) -> Result<Checkpoint> {
+        // The input size belongs to the weights from here on: extraction resizes to it.
+        let mut sae = config.sae.clone();
+        sae.input_size = Some(input_size);
+        let mut weights = fresh_weights(&sae, config.seed);
+        if let Some(path) = &self.first_layer {
+            let bytes = read(path)?;
+            let tensor =
+                load_first_layer(&mut weights, &bytes).map_err(|e| e.at(path.display()))?;
+            eprintln!(
+                "note: the first layer starts from `{tensor}` of {}",
+                path.display()
+            );
+            config.first_layer = Some(FirstLayer {
+                tensor,
+                crc32: crc32fast::hash(&bytes),
+            });
+        }
+        if let Some(path) = &self.weights {
+            let bytes = read(path)?;
+            load_weights(&mut weights, &bytes).map_err(|e| e.at(path.display()))?;
+            eprintln!("note: the weights start from those of {}", path.display());
+            config.weights = Some(StartWeights {
+                crc32: crc32fast::hash(&bytes),
+            });
+        }
+        Ok(weights)
     }
 }
 
 pub(super) fn run(arguments: &TrainArguments) -> Result<()> {
-    arguments.config().validate()?;
+    arguments.config()?;
     run_in(&RunLock::take(&arguments.out)?, arguments)
 }
 
 /// Trains in a folder that nobody else works in.
 pub(super) fn run_in(lock: &RunLock, arguments: &TrainArguments) -> Result<()> {
-    let mut config = arguments.config();
-    config.validate()?;
+    let mut config = arguments.config()?;
     // Before the long work: a GPU that is not there should not cost minutes.
     open_and_tell(config.device)?;
     if let Some(threads) = arguments.threads {
@@ -291,88 +363,55 @@ pub(super) fn run_in(lock: &RunLock, arguments: &TrainArguments) -> Result<()> {
             .build_global()
             .map_err(|e| Error::input(format!("{threads} threads cannot be started: {e}")))?;
     }
-    let frames = arguments.reading.open(&arguments.data)?;
-    let truth = arguments.reading.need(
-        arguments.truth.as_deref(),
-        &arguments.data,
-        &*frames,
-        "the metric of every epoch",
-    )?;
     let cancel = cancel_on_interrupt()?;
-    eprintln!("reading {} frames", frames.index().keys().len());
-    let mut dataset = Dataset::load(frames, &truth.points, &config, arguments.cache, &cancel)?;
-    if config.split_by == SplitBy::Episode {
-        dataset = dataset.with_episodes(&episodes(&arguments.data)?)?;
-    }
-    for notice in &dataset.notices {
-        eprintln!("note: {notice}");
-    }
+    let dataset = arguments.dataset(&config, &cancel)?;
+    let weights = arguments.start(&mut config, dataset.input_size)?;
     let bar = progress_bar(arguments.quiet);
-    let mut report = |event: Event| show(&bar, &event);
-    let existing = match arguments.resume {
-        true => Existing::Resume,
-        false => Existing::Refuse,
-    };
-    // The input size belongs to the weights from here on: extraction resizes to it.
-    let mut sae = config.sae.clone();
-    sae.input_size = Some(dataset.input_size);
-    let mut weights = fresh_weights(&sae, config.seed);
-    if let Some(path) = &arguments.first_layer {
-        let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
-        let tensor = load_first_layer(&mut weights, &bytes).map_err(|e| e.at(path.display()))?;
-        eprintln!(
-            "note: the first layer starts from `{tensor}` of {}",
-            path.display()
-        );
-        config.first_layer = Some(FirstLayer {
-            tensor,
-            crc32: crc32fast::hash(&bytes),
-        });
-    }
-    if let Some(path) = &arguments.weights {
-        let bytes = fs::read(path).map_err(|e| Error::io(path.display(), &e))?;
-        load_weights(&mut weights, &bytes).map_err(|e| e.at(path.display()))?;
-        eprintln!("note: the weights start from those of {}", path.display());
-        config.weights = Some(StartWeights {
-            crc32: crc32fast::hash(&bytes),
-        });
-    }
     let summary = train(
         &config,
         &dataset,
         &weights,
         lock,
         RunOptions {
-            existing,
+            existing: match arguments.resume {
+                true => Existing::Resume,
+                false => Existing::Refuse,
+            },
             tensorboard: arguments.tensorboard,
         },
-        &mut report,
+        &mut |event: Event| show(&bar, &event),
         &cancel,
     )?;
-    for warning in summary.evaluation.iter().flat_map(|e| &e.warnings) {
-        eprintln!("warning: on the validation sequences, {warning}");
-    }
-    if let Some(last) = &summary.last {
-        let errors: Vec<String> = last
-            .errors
-            .get(Transform::Affine.name())
-            .into_iter()
-            .flatten()
-            .map(|(name, error)| match error {
-                Some(error) => format!("{name} {error:.4}"),
-                None => format!("{name} not visible"),
-            })
-            .collect();
-        eprintln!(
-            "epoch {}: TC {:.3} on the validation sequences; errors: {}",
-            last.epoch,
-            last.tc,
-            errors.join(", ")
-        );
-    }
+    tell(&summary);
     eprintln!("written to {}", lock.folder().display());
     if summary.interrupted {
         return Err(Error::cancelled().at(format!("after {} whole epochs", summary.epochs)));
     }
     Ok(())
+}
+
+/// Says on the terminal what a training came to.
+fn tell(summary: &TrainSummary) {
+    for warning in summary.evaluation.iter().flat_map(|e| &e.warnings) {
+        eprintln!("warning: on the validation sequences, {warning}");
+    }
+    let Some(last) = &summary.last else {
+        return;
+    };
+    let errors: Vec<String> = last
+        .errors
+        .get(Transform::Affine.name())
+        .into_iter()
+        .flatten()
+        .map(|(name, error)| match error {
+            Some(error) => format!("{name} {error:.4}"),
+            None => format!("{name} not visible"),
+        })
+        .collect();
+    eprintln!(
+        "epoch {}: TC {:.3} on the validation sequences; errors: {}",
+        last.epoch,
+        last.tc,
+        errors.join(", ")
+    );
 }

@@ -3,6 +3,7 @@
 
 mod config;
 mod folder;
+mod preset;
 mod record;
 
 pub use crate::data::{Split, SplitBy};
@@ -14,4 +15,5 @@ pub use folder::{
     CHECKPOINT_BEST, CHECKPOINT_FINAL, CONFIG, ERROR, EVENTS_PREFIX, FoundRun, FoundRuns, LOCK,
     LOG, PARTIAL, RunFiles, STATE, SUMMARY, find_runs, partial_folder,
 };
+pub use preset::Preset;
 pub use record::{EpochLog, Losses, RunConfig, TrainSummary, read_log};

@@ -78,7 +78,9 @@ pub(super) fn training(run: &PlannedRun, more: &[String]) -> Result<TrainArgumen
 
 /// Epochs that a run is to have.
 pub(super) fn epochs(run: &PlannedRun) -> Result<u32> {
-    Ok(training(run, &["--out".to_owned(), run.run.clone()])?.epochs())
+    Ok(training(run, &["--out".to_owned(), run.run.clone()])?
+        .config()?
+        .epochs)
 }
 
 pub(super) fn plan(arguments: &PlanArguments) -> Result<()> {
@@ -100,7 +102,6 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<()> {
     for run in &plan.runs {
         training(run, &["--out".to_owned(), run.run.clone()])?
             .config()
-            .validate()
             .map_err(|e| e.at(&run.run))?;
     }
     let out = match &arguments.out {
