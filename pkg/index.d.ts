@@ -16,9 +16,9 @@
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
  * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
- * ({@link readPoints}, {@link mapColumns}), `figures` and `comparison` ({@link Comparison}).
+ * ({@link readPoints}, {@link mapColumns}), `onnx` ({@link Detector}), `figures` and `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "doctor" | "extraction" | "images" | "formats" | "figures" | "comparison";
+export type Part = "scoring" | "doctor" | "extraction" | "images" | "formats" | "onnx" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -43,6 +43,8 @@ export function compile(part: Part): Promise<WebAssembly.Module>;
  * - `otherNumbers`: no frame has a row, and most have one when this is added to the numbers of the rows ({@link Alignment}).
  * - `keypointsFromOne`: the keypoints of a table count from 1; `firstKeypoint: 1` reads them.
  * - `assumedAxisOrder`: the file does not say the order of the coordinates; `axisOrder` does.
+ * - `detectorSettings`: an ONNX model leaves open what `missing` names, e.g. `normalization`, `unit`; the settings of
+ *   {@link Detector} say it.
  */
 export type Reason =
   | { type: "missingImageSize" }
@@ -54,6 +56,7 @@ export type Reason =
   | { type: "lostPoints"; points: number }
   | { type: "otherNumbers"; frames: number; sequences: number }
   | { type: "keypointsFromOne" }
+  | { type: "detectorSettings"; missing: string[] }
   | { type: "assumedAxisOrder" };
 
 /** The version of the package. */
@@ -146,9 +149,15 @@ export class KeypointTable {
   private constructor();
   static parse(bytes: Uint8Array, name: string, options?: TableOptions): KeypointTable;
   /**
-   * The keypoints of all `frames`, extracted in their order: `points` holds frames x keypoints x 2 numbers.
+   * The keypoints of all `frames`, extracted in their order: `points` holds frames x keypoints x 2 numbers, `confidences`
+   * frames x keypoints.
    */
-  static fromExtraction(frames: FrameIndex, points: Float64Array, keypoints: number): KeypointTable;
+  static fromExtraction(
+    frames: FrameIndex,
+    points: Float64Array,
+    keypoints: number,
+    confidences?: Float64Array,
+  ): KeypointTable;
   readonly name: string;
   readonly keypoints: number;
   readonly frames: number;
@@ -387,6 +396,48 @@ export class Encoder {
   heatMap(image: Uint8Array, name: string, keypoint: number): HeatMap;
   free(): void;
 }
+
+/** What a {@link Detector} is, and how it is run. */
+export interface DetectorInfo {
+  /** How the model is run, in words. */
+  architecture: string;
+  keypoints: number;
+  /** Width and height that images are resized to; `null` where each is taken as it is. */
+  inputSize: [number, number] | null;
+  /** Of an encoder that tracklens exported, for {@link latentToImage}; `null` for others, whose points are ndc. */
+  config: string | null;
+  /** The metadata of the model. */
+  metadata: Record<string, string>;
+}
+
+/** The keypoints of a frame by a {@link Detector}. */
+export class Detection {
+  private constructor();
+  /** N x 2: ndc, or the latent space of an exported encoder. */
+  readonly points: Float64Array;
+  /** N, in the detector's own unit; undefined where it has none. */
+  readonly confidences: Float64Array | undefined;
+  readonly width: number;
+  readonly height: number;
+  free(): void;
+}
+
+/**
+ * A keypoint detector of any origin as an ONNX model, on the CPU. Part `onnx`.
+ *
+ * `settings` is JSON that says what the model does not (docs/detectors.md of the repository), or empty. What is still open
+ * is in the `reason` of the error: `{ type: "detectorSettings", missing: ["normalization", "unit"] }`.
+ */
+export class Detector {
+  constructor(bytes: Uint8Array, name: string, settings: string);
+  readonly info: DetectorInfo;
+  /** Takes the same images as {@link Encoder.extract}. */
+  extract(image: Uint8Array, name: string): Detection;
+  free(): void;
+}
+
+/** Bytes of memory that this instance of the part `onnx` holds. It never shrinks. */
+export function detectorMemory(): number;
 
 /**
  * Decodes a PNG, JPEG or WebP image to a numpy array (`.npy`, height x width x 3 bytes), which {@link Encoder} takes in place

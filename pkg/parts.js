@@ -6,9 +6,10 @@ import extraction from "./tracklens_extraction.js";
 import figures from "./tracklens_figures.js";
 import formats from "./tracklens_formats.js";
 import images from "./tracklens_images.js";
+import onnx from "./tracklens_onnx.js";
 import scoring from "./tracklens_scoring.js";
 
-const LOADERS = { scoring, doctor, extraction, images, formats, figures, comparison };
+const LOADERS = { scoring, doctor, extraction, images, formats, onnx, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {

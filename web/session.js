@@ -217,6 +217,17 @@ export class Session extends EventTarget {
   }
 
   /**
+   * Runs an ONNX model the way the user says.
+   * @param {Entry} entry
+   * @param {import("./files/model-settings.js").Settings} said `undefined` takes back what was said
+   */
+  setModel(entry, said) {
+    const all = Object.entries({ ...entry.settings, ...said });
+    const settings = Object.fromEntries(all.filter(([, value]) => value !== undefined));
+    return this.#change(async () => this.library.setModel(entry, settings));
+  }
+
+  /**
    * Reads a table whose columns were renamed in a copy of it.
    * @param {Entry} entry
    * @param {"ground-truth" | "keypoints"} role
@@ -743,7 +754,7 @@ export class Session extends EventTarget {
     const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
     const { sequences, frameNumbers } = scoring;
     const sizes = this.#measure(pictures);
-    const config = this.encoder?.info.config ?? this.replay?.config ?? null;
+    const config = this.encoder ? this.encoder.info.config : (this.replay?.config ?? null);
     const parts = { scoring, sequences, frameNumbers, pictures, sizes, config };
     const inputs = commandInputs(this.library, this.frameSources);
     this.score.show(new Points(parts), inputs, findings);

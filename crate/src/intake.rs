@@ -68,7 +68,7 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
         .unwrap_or_default();
     match ending.as_str() {
         // By its name even where the content is something else: reading it says what is wrong.
-        _ if Format::from_extension(&ending).is_some() => sure(
+        _ if ending == "onnx" || Format::from_extension(&ending).is_some() => sure(
             Role::Checkpoint,
             format!("a checkpoint, by its ending `.{ending}`"),
         ),
@@ -98,8 +98,8 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             (None, _) => sure(
                 Role::Unknown,
                 format!(
-                    "`.{ending}` is not known; expected images, a .csv table, a checkpoint (.safetensors, .pth, .bpk), a \
-                     recording (.npz, .h5), a video (.mp4, .webm) or a .zip archive of them"
+                    "`.{ending}` is not known; expected images, a .csv table, a checkpoint (.safetensors, .pth, .bpk, \
+                     .onnx), a recording (.npz, .h5), a video (.mp4, .webm) or a .zip archive of them"
                 ),
             ),
         },

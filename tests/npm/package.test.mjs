@@ -487,7 +487,45 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, formats, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, formats, onnx, figures, comparison/);
+});
+
+test("foreign ONNX models find what ONNX Runtime finds", async () => {
+  const models = new URL("../data/onnx/", import.meta.url);
+  const expected = JSON.parse(await readFile(new URL("expected.json", models), "utf8"));
+  for (const [name, { settings, frames }] of Object.entries(expected)) {
+    const bytes = await readFile(new URL(`${name}.onnx`, models));
+    const detector = new tracklens.Detector(bytes, name, JSON.stringify(settings));
+    assert.equal(detector.info.config, null);
+    for (const [path, { points, confidences }] of Object.entries(frames)) {
+      const found = detector.extract(await read(path), path);
+      assert.deepEqual([found.width, found.height], [256, 256]);
+      assert.equal(detector.info.keypoints, points.length);
+      // Two runtimes add the same products in another order; 1e-4 is 1/80 of a pixel.
+      const near = (a, b) => assert.ok(Math.abs(a - b) < 1e-4 * Math.max(1, Math.abs(b)), `${name} ${path}: ${a}, ${b}`);
+      points.flat().forEach((value, i) => near(found.points[i], value));
+      confidences.forEach((value, i) => near(found.confidences[i], value));
+      found.free();
+    }
+    detector.free();
+  }
+  assert.ok(tracklens.detectorMemory() > 2 ** 20);
+});
+
+test("a model says what it leaves open, as data", async () => {
+  const bytes = await readFile(new URL("../data/onnx/points.onnx", import.meta.url));
+  const reasonOf = (settings) => {
+    try {
+      new tracklens.Detector(bytes, "points.onnx", settings);
+    } catch (error) {
+      return error.reason;
+    }
+    return null;
+  };
+  assert.deepEqual(reasonOf(""), { type: "detectorSettings", missing: ["normalization", "columns", "unit"] });
+  assert.deepEqual(reasonOf('{"normalize": "bytes", "unit": "px"}'), { type: "detectorSettings", missing: ["columns"] });
+  assert.throws(() => new tracklens.Detector(bytes, "points.onnx", '{"normalise": "bytes"}'), /points.onnx: these are no settings.*normalise/);
+  assert.throws(() => new tracklens.Detector(bytes, "points.onnx", '{"normalize": "bytes", "mean": [0]}'), /expected one of both ways/);
 });
 
 test("what a browser downloads stays small", async () => {
@@ -495,8 +533,8 @@ test("what a browser downloads stays small", async () => {
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
   // What has to be there before the page can be used, what a score waits for, what workers load,
   // what comes with the first JPEG or WebP image, with the first HDF5 file or pickle, with the first
-  // score, and with the first runs.
-  for (const [part, limit] of Object.entries({ scoring: 300_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, figures: 200_000, comparison: 300_000 })) {
+  // ONNX model, with the first score, and with the first runs.
+  for (const [part, limit] of Object.entries({ scoring: 300_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, onnx: 700_000, figures: 200_000, comparison: 300_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

@@ -9,6 +9,7 @@
 
 import { messageOf } from "../errors.js";
 import { fixed, significant } from "../ui/format.js";
+import { isModel } from "./extractor.js";
 import { GpuWorker, findAdapter } from "./gpu.js";
 
 /**
@@ -92,7 +93,7 @@ export class DeviceExtractor extends EventTarget {
   }
 
   /**
-   * @param {{ path: string, blob: Blob }} checkpoint
+   * @param {import("./extractor.js").Given} checkpoint
    * @returns {Promise<OpenEncoder>}
    */
   async open(checkpoint) {
@@ -176,7 +177,9 @@ class DeviceEncoder {
   /** @param {Job} job */
   async extract(job) {
     const run = new Progress(job);
-    const unusable = await this.#devices.unusable();
+    const unusable = isModel(this.#checkpoint.path)
+      ? "ONNX models run there"
+      : await this.#devices.unusable();
     job.signal.throwIfAborted();
     if (unusable) {
       this.#devices.decide("cpu", unusable);

@@ -101,11 +101,15 @@ export class Extraction {
     const kept = good.map((i) => sources[i]);
     const { keypoints } = this.#encoder.info;
     const points = new Float64Array(kept.length * keypoints * 2);
+    const areSure = kept.every(({ path }) => this.extracted.get(path)?.confidences);
+    const confidences = areSure ? new Float64Array(kept.length * keypoints) : undefined;
     for (const [i, { path }] of kept.entries()) {
-      points.set(this.extracted.get(path)?.points ?? [], i * keypoints * 2);
+      const found = this.extracted.get(path);
+      points.set(found?.points ?? [], i * keypoints * 2);
+      confidences?.set(found?.confidences ?? [], i * keypoints);
     }
     return {
-      table: KeypointTable.fromExtraction(selected ?? frames, points, keypoints),
+      table: KeypointTable.fromExtraction(selected ?? frames, points, keypoints, confidences),
       selected,
       sources: kept,
     };

@@ -22,7 +22,7 @@ const START_MS = 60_000;
 export class Line {
   /**
    * Of the encoder in the worker, once it is open.
-   * @type {import("../pkg/index.js").EncoderInfo | null}
+   * @type {import("./extractor.js").Info | null}
    */
   info = null;
   /** Bytes that the worker's instance holds. */
@@ -59,11 +59,12 @@ export class Line {
 
   /**
    * Starts a worker and opens a checkpoint in it.
-   * @param {WebAssembly.Module} module
-   * @param {import("./worker.js").File} source
+   * @param {import("./worker.js").Part} part of the package that computes it
+   * @param {WebAssembly.Module} module of the part
+   * @param {import("./extractor.js").Given} source
    * @returns {Promise<Line>}
    */
-  static open(module, source) {
+  static open(part, module, source) {
     return new Promise((resolve, reject) => {
       const line = new Line();
       line.onDeath = (message) =>
@@ -73,7 +74,7 @@ export class Line {
         line.#die(event.message || "its script could not be loaded");
       };
       line.#worker.onmessage = ({ data }) => line.#answered(data, resolve, reject);
-      line.#ask({ type: "open", module, source });
+      line.#ask({ type: "open", part, module, source });
     });
   }
 
@@ -131,7 +132,7 @@ export class Line {
       case "failed":
         if (this.dealt.length === 0) {
           this.close();
-          refused(new Error(reply.message));
+          refused(Object.assign(new Error(reply.message), { reason: reply.cause }));
           return;
         }
         break;

@@ -5,16 +5,18 @@
  * read the files they are dealt themselves.
  */
 
+import { isModel } from "./extractor.js";
 import { Line } from "./line.js";
 import { Run } from "./run.js";
 import { compile } from "../pkg/index.js";
 
 /**
- * @typedef {import("./extractor.js").EncoderInfo} EncoderInfo
  * @typedef {import("./extractor.js").Extractor} Extractor
+ * @typedef {import("./extractor.js").Given} Given
+ * @typedef {import("./extractor.js").Info} Info
  * @typedef {import("./extractor.js").Job} Job
  * @typedef {import("./extractor.js").OpenEncoder} OpenEncoder
- * @typedef {import("./worker.js").File} File
+ * @typedef {import("./worker.js").Part} Part
  */
 
 /** Bytes of workers that are kept from run to run; one is kept in any case. */
@@ -22,17 +24,18 @@ const WARM = 2 ** 28;
 
 /** @implements {Extractor} */
 export class WorkerPool {
-  /** @type {Promise<WebAssembly.Module> | null} */
-  #module = null;
+  /** The parts of the package that were asked for. @type {Map<Part, Promise<WebAssembly.Module>>} */
+  #modules = new Map();
   /** The encoder used last, the only one whose workers are kept. @type {PooledEncoder | null} */
   #warm = null;
 
   /**
-   * @param {File} checkpoint
+   * @param {Given} checkpoint
    * @returns {Promise<OpenEncoder>}
    */
   async open(checkpoint) {
-    const start = async () => Line.open(await this.#compiled(), checkpoint);
+    const part = isModel(checkpoint.path) ? "onnx" : "extraction";
+    const start = async () => Line.open(part, await this.#compiled(part), checkpoint);
     const encoder = new PooledEncoder(this, start, await start());
     this.use(encoder);
     return encoder;
@@ -47,12 +50,16 @@ export class WorkerPool {
     this.#warm = encoder;
   }
 
-  #compiled() {
-    this.#module ??= compile("extraction").catch((error) => {
-      this.#module = null;
+  /** @param {Part} part */
+  #compiled(part) {
+    const known = this.#modules.get(part);
+    if (known) return known;
+    const compiled = compile(part).catch((error) => {
+      this.#modules.delete(part);
       throw error;
     });
-    return this.#module;
+    this.#modules.set(part, compiled);
+    return compiled;
   }
 }
 
@@ -71,7 +78,7 @@ class PooledEncoder {
    * @param {Line} first
    */
   constructor(pool, start, first) {
-    this.info = /** @type {EncoderInfo} */ (first.info);
+    this.info = /** @type {Info} */ (first.info);
     this.#pool = pool;
     this.#start = start;
     this.#keep([first]);

@@ -2,6 +2,7 @@
 /** The files in use, as a command in the terminal names them. */
 
 import { tableOf } from "./entry.js";
+import { settingsWords } from "./model-settings.js";
 
 /**
  * @typedef {import("./entry.js").Entry} Entry
@@ -24,6 +25,7 @@ export function commandInputs(library, frames) {
     options: [
       ...readingWords(truth, "--"),
       ...(table ? readingWords(table, "--keypoints-", truth) : []),
+      ...(table ? [] : settingsWords(library.used("checkpoint")?.settings ?? {})),
       ...(table?.options.firstKeypoint === undefined
         ? []
         : ["--first-keypoint", String(table.options.firstKeypoint)]),

@@ -38,6 +38,7 @@
  * @property {Arrays | null} arrays of a recording, whose points the entry stands for
  * @property {Taken} taken
  * @property {TableOptions} options how the user wants a table to be read
+ * @property {import("./model-settings.js").Settings} settings what is said of an ONNX model
  * @property {boolean} isMapped whether its columns were renamed, which no command repeats
  * @property {Partial<import("../pkg/index.js").Alignment>} alignment of a ground truth: what is
  * added to its numbers
@@ -61,6 +62,7 @@ export function entryOf(source, taken, arrays = null) {
     arrays,
     taken,
     options: {},
+    settings: {},
     isMapped: false,
     alignment: {},
     wanted: false,

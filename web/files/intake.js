@@ -7,6 +7,7 @@ import { openRecording } from "./containers/npz.js";
 import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
 import { entryOf } from "./entry.js";
+import { parseSettings } from "./model-settings.js";
 import { splitRuns } from "./runs.js";
 import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
 
@@ -25,7 +26,8 @@ import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
  * @property {() => void} close gives back what reading from it holds
  *
  * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string,
- * import("./runs.js").RunFolder> }} Found
+ * import("./runs.js").RunFolder>, settings: Map<string, import("./model-settings.js").Settings> }}
+ * Found `settings` by the paths of the models that they are for
  */
 
 const READERS = 8;
@@ -34,10 +36,18 @@ const HEAD_BYTES = 4096;
 /** Archives around an archive. */
 const MAX_DEPTH = 2;
 /** Names of files that are meant to be read. */
-const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|npy|npz|h5|hdf5|slp|pkl|zip)$/i;
+const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|onnx|npy|npz|h5|hdf5|slp|pkl|zip)$/i;
+/** The settings of a model beside it. */
+const SETTINGS = /\.onnx\.json$/i;
 const NOTHING = new Uint8Array();
 /** @type {Readonly<Found>} */
-const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map() };
+const NOTHING_FOUND = {
+  images: [],
+  entries: [],
+  containers: [],
+  runs: new Map(),
+  settings: new Map(),
+};
 
 /**
  * Says what files are, and what is in those that hold others.
@@ -49,7 +59,7 @@ const NOTHING_FOUND = { images: [], entries: [], containers: [], runs: new Map()
 export async function identify(sources, onProgress, depth = 0) {
   const { runs, rest } = splitRuns(sources);
   /** @type {Found} */
-  const found = { images: [], entries: [], containers: [], runs };
+  const found = { images: [], entries: [], containers: [], runs, settings: new Map() };
   const others = [];
   for (const source of rest) {
     // Most files are images. Their names identify them, so that none is opened for it.
@@ -62,11 +72,12 @@ export async function identify(sources, onProgress, depth = 0) {
     onProgress(++done, sources.length);
     return part;
   });
-  for (const { images, entries, containers, runs } of parts) {
+  for (const { images, entries, containers, runs, settings } of parts) {
     for (const image of images) found.images.push(image);
     found.entries.push(...entries);
     found.containers.push(...containers);
     for (const [name, run] of runs) found.runs.set(name, run);
+    for (const [model, said] of settings) found.settings.set(model, said);
   }
   return found;
 }
@@ -80,6 +91,10 @@ async function open(source, depth) {
   const { path } = source;
   try {
     const unpacked = { path, blob: await blobOf(source) };
+    if (SETTINGS.test(path)) {
+      const settings = parseSettings(await unpacked.blob.text(), path);
+      return { ...NOTHING_FOUND, settings: new Map([[path.replace(/\.json$/i, ""), settings]]) };
+    }
     const head = await bytesOf(unpacked, HEAD_BYTES);
     const { role, reason, guess } = classify(path, head);
     switch (role) {

@@ -4,6 +4,7 @@
 import { KeypointTable, GroundTruthTable } from "../pkg/index.js";
 import { reasonOf } from "../errors.js";
 import { Extraction } from "../extraction/extraction.js";
+import { settingsText } from "./model-settings.js";
 import { contentOf, extractionOf, isTableRole, tableOf, unread } from "./entry.js";
 import { SavedEvaluation } from "./saved.js";
 import { blobOf, bytesOf, readError } from "./sources.js";
@@ -38,6 +39,8 @@ export class Library {
 
   #extractor;
   #beforeUnread;
+  /** What files beside ONNX models say, by the paths of the models. @type {Found["settings"]} */
+  #settings = new Map();
 
   /**
    * @param {Extractor} extractor
@@ -80,6 +83,7 @@ export class Library {
       if (before) replaced.set(image.path, before);
       this.takeImage(image);
     }
+    this.#takeSettings(found.settings);
     for (const entry of found.entries) {
       if (taken.has(entry.path)) {
         repeated.push(entry.path);
@@ -142,6 +146,7 @@ export class Library {
     this.images.clear();
     this.containers = [];
     this.runs.clear();
+    this.#settings.clear();
   }
 
   /**
@@ -153,6 +158,17 @@ export class Library {
       if (taken.role === entry.taken.role && parsed.state === "used") parsed.state = "spare";
     }
     if ("content" in entry.parsed) entry.parsed.state = "used";
+  }
+
+  /**
+   * Opens an ONNX model with other settings.
+   * @param {Entry} entry
+   * @param {import("./model-settings.js").Settings} settings
+   */
+  setModel(entry, settings) {
+    entry.settings = settings;
+    entry.wanted ||= entry.parsed.state === "used";
+    this.reopen(entry);
   }
 
   /**
@@ -250,11 +266,12 @@ export class Library {
    * @param {[number, number] | undefined} imageSize
    * @returns {Promise<Content>}
    */
-  async #read({ path, source, arrays, options }, role, imageSize) {
+  async #read({ path, source, arrays, options, settings }, role, imageSize) {
     const given = { ...options, imageSize };
     switch (role) {
       case "checkpoint": {
-        const encoder = await this.#extractor.open({ path, blob: await blobOf(source) });
+        const given = { path, blob: await blobOf(source), settings: settingsText(settings) };
+        const encoder = await this.#extractor.open(given);
         return { kind: role, encoder, extraction: new Extraction(encoder) };
       }
       case "result":
@@ -268,8 +285,18 @@ export class Library {
     }
   }
 
+  /** @param {Found["settings"]} settings */
+  #takeSettings(settings) {
+    for (const [path, said] of settings) {
+      this.#settings.set(path, said);
+      const entry = this.entries.find((entry) => entry.path === path);
+      if (entry) this.setModel(entry, said);
+    }
+  }
+
   /** @param {Entry} entry */
   #takeEntry(entry) {
+    entry.settings = this.#settings.get(entry.path) ?? {};
     const at = this.entries.findIndex(({ path }) => path === entry.path);
     if (at < 0) {
       this.entries.push(entry);
@@ -279,6 +306,7 @@ export class Library {
     entry.wanted = before.parsed.state === "used";
     // What the user said holds for the file at this path.
     entry.options = before.options;
+    entry.settings = before.settings;
     entry.alignment = before.alignment;
     if (before.taken.by === "said") entry.taken = { ...before.taken };
     const { reason } = entry.taken;

@@ -8,6 +8,7 @@ import { virtualList } from "../ui/virtual-list.js";
 import { columnMapper, hasOtherColumns } from "./column-mapper.js";
 import { ROLES, corrections, guessMark, sizeField, takesSize } from "./corrections.js";
 import { contentOf, tableOf } from "./entry.js";
+import { modelSettings } from "./model-settings.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -193,6 +194,7 @@ function entryItem(session, entry) {
     contents && h("p", { class: "file-reason" }, contents),
     notices.length > 0 && noticeList(notices),
     takesSize(session, entry) && sizeField(session, entry),
+    ...modelSettings(session, entry),
     parsed.state !== "new" && !isResult && corrections(session, entry),
     ...useOf(session, entry),
     hasOtherColumns(entry) &&

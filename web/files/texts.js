@@ -12,7 +12,7 @@ export function uselessText(files) {
   return (
     `${what} an image, a table, a checkpoint or a result. Expected PNG, JPEG or WebP images, a ` +
     "recording (.npz), a CSV or JSON table of object positions or keypoints, a checkpoint " +
-    "(.safetensors, .pth or .bpk), a saved evaluation (.json), or a .zip archive of these."
+    "(.safetensors, .pth, .bpk or .onnx), a saved evaluation (.json), or a .zip archive of these."
   );
 }
 

@@ -56,7 +56,9 @@ export class Inside {
    * @param {Session} session
    */
   static hasHeat(session) {
-    return isExtracted(session) && session.score.hasPictures;
+    return (
+      isExtracted(session) && session.encoder?.info.heatMaps === true && session.score.hasPictures
+    );
   }
 
   /**

@@ -20,7 +20,7 @@ use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes
 /// it.
-pub const PARTS: [Part; 7] = [
+pub const PARTS: [Part; 8] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
@@ -48,6 +48,12 @@ pub const PARTS: [Part; 7] = [
     Part {
         name: "tracklens_formats",
         feature: "web-formats",
+        profile: "wasm",
+        aim: Aim::Size,
+    },
+    Part {
+        name: "tracklens_onnx",
+        feature: "web-onnx",
         profile: "wasm",
         aim: Aim::Size,
     },

@@ -6,7 +6,8 @@ use clap::Args;
 
 use crate::atomic;
 use crate::detector::{
-    Channels, Columns, Decoding, InputSize, Layout, OnnxExtractor, OutputKind, Settings, Unit,
+    Channels, Columns, Decoding, InputSize, Layout, Normalization, OnnxExtractor, OutputKind,
+    Settings, Unit,
 };
 use crate::error::{Error, Result};
 use crate::weights::{model_settings, settings_path};
@@ -62,27 +63,6 @@ pub(super) struct DetectorArguments {
     /// then on
     #[arg(long)]
     remember: bool,
-}
-
-/// Usual ways to scale pixels.
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Normalization {
-    Fraction,
-    Symmetric,
-    Bytes,
-    Imagenet,
-}
-
-impl Normalization {
-    /// Mean and standard deviation of pixels in [0, 1].
-    fn numbers(self) -> [Vec<f32>; 2] {
-        match self {
-            Self::Fraction => [vec![0.0], vec![1.0]],
-            Self::Symmetric => [vec![0.5], vec![0.5]],
-            Self::Bytes => [vec![0.0], vec![1.0 / 255.0]],
-            Self::Imagenet => [vec![0.485, 0.456, 0.406], vec![0.229, 0.224, 0.225]],
-        }
-    }
 }
 
 fn parse_input_size(text: &str) -> Result<InputSize> {

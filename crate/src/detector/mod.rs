@@ -22,5 +22,6 @@ pub use extractor::OnnxExtractor;
 pub use graph::{Element, Graph, Port};
 pub use plan::Plan;
 pub use settings::{
-    Channels, Columns, Decoding, InputSize, Layout, OutputKind, SETTINGS_ENDING, Settings, Unit,
+    Channels, Columns, Decoding, InputSize, Layout, Normalization, OutputKind, SETTINGS_ENDING,
+    Settings, Unit,
 };

@@ -114,6 +114,32 @@ words! {
 }
 
 words! {
+    /// Usual ways to scale pixels.
+    Normalization, "way to scale pixels" {
+        /// From 0 to 1.
+        Fraction = "fraction",
+        /// From -1 to +1.
+        Symmetric = "symmetric",
+        /// From 0 to 255.
+        Bytes = "bytes",
+        /// By the mean and the standard deviation of the pixels of ImageNet.
+        ImageNet = "imagenet",
+    }
+}
+
+impl Normalization {
+    /// Mean and standard deviation of pixels in [0, 1].
+    pub fn numbers(self) -> [Vec<f32>; 2] {
+        match self {
+            Self::Fraction => [vec![0.0], vec![1.0]],
+            Self::Symmetric => [vec![0.5], vec![0.5]],
+            Self::Bytes => [vec![0.0], vec![1.0 / 255.0]],
+            Self::ImageNet => [vec![0.485, 0.456, 0.406], vec![0.229, 0.224, 0.225]],
+        }
+    }
+}
+
+words! {
     /// What the outputs of a model are.
     OutputKind, "kind of output" {
         /// A map a keypoint: `[B, K, H, W]`, or `[B, H, W, K]` where channels are last.
@@ -187,19 +213,49 @@ impl Columns {
 }
 
 impl Settings {
-    /// Reads the JSON of a settings file or of a model's metadata.
+    /// Reads the JSON of a settings file or of a model's metadata. There, `normalize` may stand for
+    /// `mean` and `std`: a [`Normalization`].
     ///
     /// # Errors
     /// When it is not JSON, or has a key or a value that is not known.
     pub fn from_json(json: &[u8]) -> Result<Self> {
-        let settings: Self = serde_json::from_slice(json).map_err(|e| {
+        #[derive(Deserialize)]
+        struct Written {
+            normalize: Option<Normalization>,
+            #[serde(flatten)]
+            others: serde_json::Map<String, serde_json::Value>,
+        }
+        let read = || {
+            let written: Written = serde_json::from_slice(json)?;
+            let settings: Self = serde_json::from_value(written.others.into())?;
+            Ok((written.normalize, settings))
+        };
+        let (normalize, settings) = read().map_err(|e: serde_json::Error| {
             Error::input(format!(
                 "these are no settings of a detector: {e}; expected JSON such as {{\"input_size\": [256, 256], \
-                 \"mean\": [0], \"std\": [1], \"output\": \"heatmaps\"}}"
+                 \"normalize\": \"imagenet\", \"output\": \"heatmaps\"}}"
             ))
         })?;
+        let settings = match normalize {
+            Some(normalize) => settings.normalized(normalize)?,
+            None => settings,
+        };
         settings.validate()?;
         Ok(settings)
+    }
+
+    /// These settings with a mean and a standard deviation by name.
+    ///
+    /// # Errors
+    /// When they have numbers for them.
+    fn normalized(self, by: Normalization) -> Result<Self> {
+        if self.mean.is_some() || self.std.is_some() {
+            return Err(Error::input(format!(
+                "`normalize` is {by}, and a `mean` or a `std` is given as well; expected one of both ways"
+            )));
+        }
+        let [mean, std] = by.numbers().map(Some);
+        Ok(Self { mean, std, ..self })
     }
 
     /// The JSON that [`Settings::from_json`] reads.

@@ -2,9 +2,9 @@
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
 //! scoring first, the doctor with the first ground truth, extraction in the workers, images with the
-//! first JPEG or WebP image, formats with the first HDF5 file or pickle, figures once there is
-//! something to draw, comparison with the first runs, extraction on the GPU where there is one.
-//! Objects of one part mean nothing to another one.
+//! first JPEG or WebP image, formats with the first HDF5 file or pickle, detectors with the first ONNX
+//! model, figures once there is something to draw, comparison with the first runs, extraction on the
+//! GPU where there is one. Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-scoring")]
 mod command;
@@ -14,6 +14,8 @@ mod comparison;
 mod containers;
 #[cfg(feature = "web-extraction")]
 mod decoder;
+#[cfg(feature = "web-onnx")]
+mod detector;
 #[cfg(feature = "web-doctor")]
 mod doctor;
 #[cfg(feature = "web-extraction")]
@@ -69,7 +71,11 @@ fn start() {
 }
 
 /// Bytes of memory of this instance.
-#[cfg(any(feature = "web-extraction", feature = "web-images"))]
+#[cfg(any(
+    feature = "web-extraction",
+    feature = "web-images",
+    feature = "web-onnx"
+))]
 fn memory() -> f64 {
     const PAGE: usize = 64 * 1024;
     (core::arch::wasm32::memory_size::<0>() * PAGE) as f64

@@ -1,6 +1,6 @@
 //! Ground truth and keypoints in JavaScript.
 
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 use serde::Deserialize;
 use wasm_bindgen::prelude::*;
 
@@ -186,18 +186,23 @@ impl KeypointTable {
         frames: &FrameIndex,
         points: Vec<f64>,
         keypoints: usize,
+        confidences: Option<Vec<f64>>,
     ) -> JsResult<KeypointTable> {
         let keys = frames.index.keys().to_vec();
-        let (count, shape) = (points.len(), (keys.len(), keypoints, 2));
-        let content = Array3::from_shape_vec(shape, points)
-            .map_err(|_| {
+        let (count, length) = (points.len(), keys.len());
+        let track = || {
+            let wrong = |_| {
                 Error::input(format!(
-                    "{count} numbers for {} frames of {keypoints} keypoints",
-                    shape.0
+                    "{count} numbers for {length} frames of {keypoints} keypoints"
                 ))
-            })
-            .and_then(|points| KeypointTrack::new(keys, points))
-            .map_err(|e| js_error(&e))?;
+            };
+            let points = Array3::from_shape_vec((length, keypoints, 2), points).map_err(wrong)?;
+            let confidence =
+                confidences.map(|all| Array2::from_shape_vec((length, keypoints), all));
+            KeypointTrack::new(keys, points)?
+                .with_confidence(confidence.transpose().map_err(wrong)?)
+        };
+        let content = track().map_err(|e| js_error(&e))?;
         Ok(Self {
             name: "extraction".to_owned(),
             table: Parsed {
