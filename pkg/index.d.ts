@@ -324,8 +324,15 @@ export interface Finding {
   remedies: Remedy[];
 }
 
-/** A table as a plain object, for {@link examine}. */
-export type TableObject = { readonly head: object };
+/**
+ * A table as a plain object, for {@link examine}: for each frame the position of its sequence among
+ * those of `head`, and its number in that sequence.
+ */
+export type TableObject = {
+  readonly head: { readonly sequences: string[] };
+  readonly sequence: Uint32Array;
+  readonly frame: BigUint64Array;
+};
 
 /**
  * What looks wrong with two tables that are joined like this, the worst first. Of the part

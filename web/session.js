@@ -7,14 +7,21 @@
 import init, { FrameIndex, KeypointTable, Scoring, examine, joinFrames } from "./pkg/index.js";
 import { messageOf } from "./errors.js";
 import { commandInputs } from "./files/command.js";
-import { contentOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
+import { contentOf, entryOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
 import { decodeImage } from "./files/image-cache.js";
 import { identify } from "./files/intake.js";
 import { Library } from "./files/library.js";
 import { Problems, askForReading, readingKey } from "./files/problems.js";
 import { applyRemedy, labelOf, remedyOf } from "./files/remedies.js";
 import { REPLAY, readReplay } from "./files/replay.js";
-import { repeatedText, replacedText, severalText, uselessText } from "./files/texts.js";
+import {
+  LEAST_MARKED,
+  markedText,
+  repeatedText,
+  replacedText,
+  severalText,
+  uselessText,
+} from "./files/texts.js";
 import { Points } from "./points.js";
 import { judgeOf, previewOf } from "./preview.js";
 import { Score } from "./score.js";
@@ -44,6 +51,9 @@ import { count } from "./ui/format.js";
 
 /** Problems that are shown until more files are taken. */
 const STICKY = ["nothing", "repeated", "replaced", "example", "views"];
+
+/** The path of what is marked by hand. */
+const MARKED = "marked.csv";
 
 /** Milliseconds between two looks at the keypoints so far, and how many times one look takes. */
 const PREVIEW = { least: 400, times: 12 };
@@ -244,6 +254,32 @@ export class Session extends EventTarget {
   }
 
   /**
+   * Takes the positions that were marked by hand so far, in place of the earlier ones; `null` takes
+   * them away.
+   * @param {Blob | null} table
+   * @param {number} frames that are marked
+   */
+  setMarks(table, frames) {
+    return this.#change(async () => {
+      const before = this.library.entries.find(({ path }) => path === MARKED);
+      if (!table) {
+        if (before) this.library.drop(before);
+        return;
+      }
+      const taken = /** @type {const} */ ({ role: "ground-truth", by: "said" });
+      const reason = `by hand: ${markedText(frames)}`;
+      const source = { path: MARKED, blob: table };
+      const entry = before ?? entryOf(source, { ...taken, reason });
+      // What is said otherwise of another file at this path does not hold.
+      const options = { space: /** @type {const} */ ("ndc"), indexBase: 0 };
+      Object.assign(entry, { source, taken: { ...taken, reason }, options, alignment: {} });
+      Object.assign(entry, { marked: frames, wanted: true });
+      if (before) this.library.reopen(before);
+      else this.library.entries.push(entry);
+    });
+  }
+
+  /**
    * Changes what is added to the numbers of a ground truth.
    * @param {Entry} entry
    * @param {Entry["alignment"]} alignment
@@ -372,6 +408,16 @@ export class Session extends EventTarget {
     return content?.kind === "ground-truth" ? content.table : null;
   }
 
+  /** Frames that are marked by hand, where that is the ground truth. */
+  get marked() {
+    return this.library.used("ground-truth")?.marked ?? null;
+  }
+
+  /** Whether more frames have to be marked by hand before there is a score. */
+  get lacksMarks() {
+    return this.marked !== null && this.marked < LEAST_MARKED;
+  }
+
   /** What is added to the numbers of the ground truth. */
   get alignment() {
     return this.library.used("ground-truth")?.alignment ?? {};
@@ -402,7 +448,9 @@ export class Session extends EventTarget {
         parsed.state === "broken" && roles.some((role) => role === taken.role);
       return { label, met, broken: met ? [] : library.entries.filter(isBroken) };
     };
-    const truth = need("ground truth", this.truth !== null, "ground-truth");
+    const label =
+      this.marked === null ? "ground truth" : `ground truth: ${markedText(this.marked)}`;
+    const truth = need(label, this.truth !== null && !this.lacksMarks, "ground-truth");
     if (keypoints) return [need("keypoints", true), truth];
     const images = need("image sequences", this.frames !== null);
     const detector = this.encoder !== null;
@@ -416,7 +464,7 @@ export class Session extends EventTarget {
    */
   isCompared(entry) {
     const content = contentOf(entry);
-    if (!this.truth || !content) return false;
+    if (!this.truth || this.lacksMarks || !content) return false;
     return content.kind === "keypoints" || (content.kind === "checkpoint" && this.frames !== null);
   }
 
@@ -694,7 +742,8 @@ export class Session extends EventTarget {
   #advance() {
     this.#release();
     const indexed = this.#collectKeypoints();
-    if (this.table && this.truth) this.#scoreTable(this.truth, this.table, indexed);
+    const isEnough = !this.lacksMarks;
+    if (this.table && this.truth && isEnough) this.#scoreTable(this.truth, this.table, indexed);
     if (!this.score.scoring) this.#showSaved();
     this.score.emit("scoring");
     this.#showPreview();
@@ -808,8 +857,8 @@ export class Session extends EventTarget {
     const start = performance.now();
     const isNeeded = !score.scoring && !score.saved;
     const points = isNeeded ? previewOf(this, this.#previewed) : null;
-    // No number before the questions are answered.
-    const isOpen = this.questions.length > 0;
+    // No number before the questions are answered and enough is marked.
+    const isOpen = this.questions.length > 0 || this.lacksMarks;
     score.showPreview(points, points && !isOpen ? judgeOf(this, this.#previewed) : null);
     // The views have let go of it now.
     for (const made of before.reverse()) made.free();

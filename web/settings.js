@@ -23,11 +23,14 @@ export function load(part) {
 /**
  * @param {string} part
  * @param {Record<string, unknown>} values
+ * @returns {boolean} whether they are kept; where storage is full or blocked they last as long as
+ * the page
  */
 export function store(part, values) {
   try {
     localStorage.setItem(KEY + part, JSON.stringify(values));
+    return true;
   } catch {
-    // Full or blocked: the settings last as long as the page.
+    return false;
   }
 }

@@ -159,6 +159,7 @@ function cancelled(session, done, total) {
       button("extract", "Continue", () => void session.extract()),
       usable > 0 &&
         session.truth !== null &&
+        !session.lacksMarks &&
         !isScored &&
         button("score-partial", `Score these ${integer(usable)}`, () => {
           void session.scorePartially();

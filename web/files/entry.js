@@ -42,6 +42,8 @@
  * @property {boolean} isMapped whether its columns were renamed, which no command repeats
  * @property {Partial<import("../pkg/index.js").Alignment>} alignment of a ground truth: what is
  * added to its numbers
+ * @property {number | null} marked how many frames of it are marked by hand so far, where it is made
+ * here
  * @property {boolean} wanted whether it is to be used once it is parsed
  * @property {Parsed} parsed
  */
@@ -65,6 +67,7 @@ export function entryOf(source, taken, arrays = null) {
     settings: {},
     isMapped: false,
     alignment: {},
+    marked: null,
     wanted: false,
     parsed,
   };

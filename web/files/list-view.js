@@ -8,6 +8,7 @@ import { virtualList } from "../ui/virtual-list.js";
 import { columnMapper, hasOtherColumns } from "./column-mapper.js";
 import { ROLES, corrections, guessMark, sizeField, takesSize } from "./corrections.js";
 import { contentOf, tableOf } from "./entry.js";
+import { markButton } from "./mark-button.js";
 import { modelSettings } from "./model-settings.js";
 
 /**
@@ -197,6 +198,7 @@ function entryItem(session, entry) {
     ...modelSettings(session, entry),
     parsed.state !== "new" && !isResult && corrections(session, entry),
     ...useOf(session, entry),
+    entry.marked !== null && entry.parsed.state === "used" && markButton(session),
     hasOtherColumns(entry) &&
       disclosure(`columns ${path}`, ["Its columns have other names"], () =>
         columnMapper(session, entry),

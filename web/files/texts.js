@@ -50,3 +50,16 @@ export function severalText(kind, paths, { areCompared, condition }) {
     : `Only one can be used: ${used} is.`;
   return `There are ${paths.length} ${kind}: ${names(paths)}. ${use}`;
 }
+
+/** Frames that have to be marked by hand before they are scored. */
+export const LEAST_MARKED = 30;
+
+/**
+ * How far a ground truth is that is marked by hand.
+ * @param {number} frames
+ */
+export function markedText(frames) {
+  return frames < LEAST_MARKED
+    ? `${frames} of at least ${LEAST_MARKED} frames marked`
+    : `${count(frames, "frame")} marked`;
+}

@@ -5,6 +5,7 @@ import { announce, byId, fill, h, icon } from "../ui/dom.js";
 import { baseName, count, integer, names } from "../ui/format.js";
 import { showJoin } from "./join-view.js";
 import { showList } from "./list-view.js";
+import { markButton } from "./mark-button.js";
 import { showProblems } from "./problems-view.js";
 
 /** @typedef {import("../session.js").Session} Session */
@@ -78,5 +79,6 @@ function showMissing(session) {
         ),
       ),
     ),
+    markButton(session),
   );
 }

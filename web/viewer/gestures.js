@@ -87,7 +87,7 @@ export class Gestures {
    * Where an event is, in the width and height of the canvas.
    * @param {{ clientX: number, clientY: number }} event
    */
-  #share({ clientX, clientY }) {
+  share({ clientX, clientY }) {
     const { left, top, width, height } = this.#canvas.getBoundingClientRect();
     return { x: (clientX - left) / width, y: (clientY - top) / height };
   }
@@ -102,7 +102,7 @@ export class Gestures {
     event.preventDefault();
     const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 20 : 1;
     const factor = Math.exp(-0.002 * lines * event.deltaY * (event.ctrlKey ? 4 : 1));
-    this.#show(zoomed(this.#view, factor, this.#share(event)));
+    this.#show(zoomed(this.#view, factor, this.share(event)));
   }
 
   /** @param {PointerEvent} event */
@@ -117,11 +117,11 @@ export class Gestures {
   #move(event) {
     const before = this.#pressed.get(event.pointerId);
     if (!before) return;
-    const [from, to] = [this.#share(before), this.#share(event)];
+    const [from, to] = [this.share(before), this.share(event)];
     this.#travelled += Math.hypot(event.clientX - before.clientX, event.clientY - before.clientY);
     const others = [...this.#pressed.values()].filter((e) => e.pointerId !== event.pointerId);
     if (others.length === 1) {
-      const still = this.#share(others[0]);
+      const still = this.share(others[0]);
       const span = (/** @type {{ x: number, y: number }} */ { x, y }) =>
         Math.hypot(x - still.x, y - still.y);
       this.#show(zoomed(this.#view, span(to) / Math.max(span(from), 1e-3), still));

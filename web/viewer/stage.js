@@ -5,6 +5,7 @@ import { h } from "../ui/dom.js";
 import { baseName, fixed } from "../ui/format.js";
 import { objectColor } from "../ui/palette.js";
 import { ImageCache } from "../files/image-cache.js";
+import { fit } from "./fit.js";
 import { Gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
 import { paint, placing } from "./scene.js";
@@ -123,33 +124,13 @@ export class Stage {
       if (mine !== this.#ticket) return;
     }
     if (!score.shown) return;
-    const context = this.#fit(image ?? sizeOfPlate(this.#session));
+    const context = fit(this.#canvas, image ?? sizeOfPlate(this.#session));
     if (!context) return;
     const heat = this.#paint(context, frame, image ?? null, source);
     const picture = image ? (source?.path ?? "") : "none";
     Object.assign(this.#canvas.dataset, { picture, frame: String(frame), heat: String(heat) });
     this.#drawReconstruction(frame);
     this.#canvas.setAttribute("aria-label", describe(this.#session));
-  }
-
-  /**
-   * Gives the canvas the shape of an image and the pixels of the display; `null` while it is not
-   * shown.
-   * @param {{ width: number, height: number }} size
-   */
-  #fit(size) {
-    const canvas = this.#canvas;
-    canvas.style.aspectRatio = `${size.width} / ${size.height}`;
-    canvas.style.maxWidth = `calc(var(--stage-height) * ${size.width / size.height})`;
-    const scale = window.devicePixelRatio;
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
-      Math.round(side * scale),
-    );
-    if (width === 0 || height === 0) return null;
-    if (canvas.width !== width || canvas.height !== height) {
-      Object.assign(canvas, { width, height });
-    }
-    return canvas.getContext("2d");
   }
 
   /**

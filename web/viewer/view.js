@@ -45,3 +45,14 @@ export function zoomed(view, factor, at) {
 export function panned(view, by) {
   return inside({ zoom: view.zoom, x: view.x - by.x / view.zoom, y: view.y - by.y / view.zoom });
 }
+
+/**
+ * The point of the image, in ndc, that is shown at a place of the canvas.
+ * @param {View} view
+ * @param {{ x: number, y: number }} at share of the canvas
+ */
+export function pointAt(view, at) {
+  const point = (/** @type {"x" | "y"} */ axis) =>
+    2 * (view[axis] + (at[axis] - 0.5) / view.zoom) - 1;
+  return { x: point("x"), y: point("y") };
+}

@@ -4,7 +4,8 @@
  * to their plots.
  */
 
-import { byId, fill, h, icon } from "../ui/dom.js";
+import { byId, fill, h } from "../ui/dom.js";
+import { keysView, listenToKeys } from "../ui/keys.js";
 import { objectColor } from "../ui/palette.js";
 import { legend } from "./legend.js";
 import { liveliest } from "./liveliest.js";
@@ -14,6 +15,7 @@ import { plots } from "./plots.js";
 import { SequenceList } from "./sequences.js";
 import { Stage } from "./stage.js";
 import { transport } from "./transport.js";
+import { zoomView } from "./zoom-view.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -28,6 +30,7 @@ const KEYS = [
   ["+ − 0", "zoom in, zoom out, all of the image"],
   ["W A S D", "move the zoomed image"],
 ];
+const WHEEL = "The wheel zooms once the image was clicked. A click selects a keypoint.";
 
 /** @param {Session} session */
 export function showViewer(session) {
@@ -100,7 +103,7 @@ function framesView(gesture, frames, tools) {
   const title = h("h2", { id: "viewer-title" }, "Frames");
   const head = h("div", { class: "viewer-head" }, title, zoomView(gesture));
   const summary = h("summary", {}, "Trails, speed, keys");
-  const more = h("details", { class: "keys" }, summary, ...tools, ...keysView());
+  const more = h("details", { class: "keys" }, summary, ...tools, keysView(KEYS), h("p", {}, WHEEL));
   return h("div", { class: "panel viewer-stage" }, head, ...frames, more);
 }
 
@@ -198,50 +201,4 @@ function trailSelect(look, onChange) {
     ...TRAILS.map(([frames, label]) => h("option", { selected: frames === look.trail }, label)),
   );
   return trail;
-}
-
-/** @param {Stage["gesture"]} gesture */
-function zoomView(gesture) {
-  const button = (
-    /** @type {string} */ symbol,
-    /** @type {string} */ label,
-    /** @type {() => void} */ onclick,
-  ) =>
-    h(
-      "button",
-      { type: "button", class: "button round", "aria-label": label, title: label, onclick },
-      icon(symbol),
-    );
-  return h(
-    "div",
-    { class: "zoom", role: "group", "aria-label": "Zoom" },
-    button("icon-none", "Zoom out (−)", () => gesture.zoomOut()),
-    button("icon-plus", "Zoom in (+)", () => gesture.zoomIn()),
-    button("icon-fit", "All of the image (0)", () => gesture.reset()),
-  );
-}
-
-function keysView() {
-  const rows = KEYS.map(([keys, what]) => h("div", {}, h("dt", {}, keys), h("dd", {}, what)));
-  const wheel = "The wheel zooms once the image was clicked. A click selects a keypoint.";
-  return [h("dl", {}, ...rows), h("p", {}, wheel)];
-}
-
-/**
- * Listens to keys that no control takes.
- * @param {HTMLElement} place
- * @param {(event: KeyboardEvent) => boolean} take whether the key was one of those known
- */
-function listenToKeys(place, take) {
-  place.addEventListener("keydown", (event) => {
-    const { target, key } = event;
-    const isModified = event.ctrlKey || event.altKey || event.metaKey;
-    if (isModified || target instanceof HTMLSelectElement) return;
-    if (target instanceof HTMLInputElement && target.type !== "range") return;
-    const presses =
-      target instanceof HTMLButtonElement ||
-      (target instanceof HTMLElement && target.tagName === "SUMMARY");
-    if (presses && key === " ") return;
-    if (take(event)) event.preventDefault();
-  });
 }

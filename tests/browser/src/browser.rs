@@ -125,13 +125,16 @@ impl Browser {
                     firefox.add_arg(argument).expect("an argument");
                 }
                 let mut preferences = FirefoxPreferences::new();
-                // It asks several hosts for updates and settings when it starts.
-                for (name, off) in [
+                // It asks several hosts for updates and settings when it starts. Its camera is not a
+                // real one and need not be allowed.
+                for (name, is_on) in [
                     ("app.normandy.enabled", false),
                     ("network.captive-portal-service.enabled", false),
                     ("network.connectivity-service.enabled", false),
+                    ("media.navigator.streams.fake", true),
+                    ("media.navigator.permission.disabled", true),
                 ] {
-                    preferences.set(name, off).expect("a preference");
+                    preferences.set(name, is_on).expect("a preference");
                 }
                 firefox.set_preferences(preferences).expect("preferences");
                 firefox.into()

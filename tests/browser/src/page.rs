@@ -50,6 +50,19 @@ impl Page {
         page
     }
 
+    /// Opens the page in a browser that has a camera, which nobody has to allow.
+    pub async fn open_with_camera(browser: Browser) -> Self {
+        if browser == Browser::Firefox {
+            return Self::open_in(browser).await;
+        }
+        let camera = [
+            "--use-fake-device-for-media-stream",
+            "--use-fake-ui-for-media-stream",
+        ];
+        let server = Server::start(site(), &[]).await;
+        Self::open_prepared(&camera, server, "/", "").await
+    }
+
     /// Opens the page in Chromium after a script that changes what it finds in its browser.
     pub async fn open_with(script: &str) -> Self {
         let page = Self::start(
@@ -260,6 +273,20 @@ impl Page {
     pub async fn until_scored(&self) {
         self.until("document.querySelector('#results').dataset.tc !== undefined")
             .await;
+    }
+
+    /// The file that the page saves when a selector is clicked.
+    pub async fn saved(&self, selector: &str) -> Vec<u8> {
+        let before = self.number("globalThis.__made").await;
+        self.click(selector).await;
+        self.until(&format!("globalThis.__made > {before}")).await;
+        let bytes = self
+            .value(
+                "globalThis.__last.arrayBuffer().then((b) => Array.from(new Uint8Array(b)).join(' '))",
+            )
+            .await;
+        let bytes = bytes.as_str().expect("bytes").split_whitespace();
+        bytes.map(|byte| byte.parse().expect("a byte")).collect()
     }
 
     /// The table of keypoints that the page saves.

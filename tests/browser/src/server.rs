@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 use tower_http::services::ServeDir;
 
 /// What the page may not do unnoticed: errors, rejected promises, console errors, violations of its
-/// policy.
+/// policy. Keeps the last file that it made.
 pub(crate) const WATCH: &str = r#"
   globalThis.__complaints = [];
   const complain = (text) => globalThis.__complaints.push(String(text));
@@ -24,6 +24,13 @@ pub(crate) const WATCH: &str = r#"
   document.addEventListener("securitypolicyviolation", (e) => complain(`${e.violatedDirective}: ${e.blockedURI}`));
   const error = console.error;
   console.error = (...all) => { complain(all.join(" ")); error(...all); };
+  globalThis.__made = 0;
+  const make = URL.createObjectURL;
+  URL.createObjectURL = (file) => {
+    globalThis.__made += 1;
+    globalThis.__last = file;
+    return make.call(URL, file);
+  };
 "#;
 
 /// A folder on a free port of the loopback for as long as the runtime of the test lives.

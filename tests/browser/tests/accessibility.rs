@@ -181,6 +181,17 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     check("errors").await;
 
     page.click("#start-over").await;
+    let frames = folder.path().join("frames.zip");
+    pack(&site().join("example/frames"), &frames);
+    page.pick(&[&frames]).await;
+    page.click("#missing .mark-objects").await;
+    page.until("document.querySelector('#marking-stage').dataset.picture")
+        .await;
+    page.click("#marking-add").await;
+    page.click("#marking-hidden").await;
+    check("marking").await;
+
+    page.click("#start-over").await;
     let saved = ["ours.json", "theirs.json"].map(|name| folder.path().join(name));
     saved.iter().for_each(|file| save(file));
     page.pick(&[&saved[0], &saved[1]]).await;
@@ -246,6 +257,12 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.until("document.querySelector('#comparison').dataset.complete === '10'")
         .await;
     fits("runs on a phone").await;
+    page.click("#start-over").await;
+    page.pick_folder(&site().join("example/frames")).await;
+    page.click("#missing .mark-objects").await;
+    page.until("document.querySelector('#marking-stage').dataset.picture")
+        .await;
+    fits("marking on a phone").await;
     let window = json!({ "width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": false });
     page.cdp("Emulation.setDeviceMetricsOverride", window).await;
     page.value("document.documentElement.style.fontSize = '200%'")
