@@ -28,6 +28,7 @@ import { Score } from "./score.js";
 import { count } from "./ui/format.js";
 
 /**
+ * @typedef {import("./extraction/extractor.js").Extracted} Extracted
  * @typedef {import("./extraction/extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("./files/entry.js").Entry} Entry
  * @typedef {import("./files/entry.js").Slot} Slot
@@ -160,6 +161,23 @@ export class Session extends EventTarget {
       await this.#takeAll(await sources, alive, (found) => {
         if (!areCheckpoints(found)) this.#putAwayOrigin();
       });
+    });
+  }
+
+  /**
+   * Takes frames that were recorded here, with the keypoints that the checkpoint in use found.
+   * @param {(Source & { extracted: Extracted })[]} recorded
+   * @param {OpenEncoder} encoder of that checkpoint
+   */
+  addRecorded(recorded, encoder) {
+    return this.#change(async (alive) => {
+      const isKept = (/** @type {Entry} */ { taken }) => taken.role === "checkpoint";
+      await this.#takeAll(recorded, alive, () => this.#putAwayOrigin(isKept));
+      const entry = this.library.used("checkpoint");
+      if (this.encoder !== encoder) return;
+      for (const { path, extracted } of recorded) {
+        extractionOf(entry)?.extracted.set(path, extracted);
+      }
     });
   }
 
@@ -583,8 +601,11 @@ export class Session extends EventTarget {
     });
   }
 
-  /** Takes the example away for files of the user's own, and says so. */
-  #putAwayOrigin() {
+  /**
+   * Takes the example away for files of the user's own, and says so.
+   * @param {(entry: Entry) => boolean} [isKept] of what stays
+   */
+  #putAwayOrigin(isKept = () => false) {
     const fetchSources = this.#fetchOrigin;
     if (!fetchSources) return;
     const blobs = new Set(this.#originSources.map((source) => "blob" in source && source.blob));
@@ -593,7 +614,7 @@ export class Session extends EventTarget {
     // What was dropped on the example and is of no use goes with it.
     const isGone = (/** @type {Entry} */ { source, taken }) =>
       isOrigin(source) || taken.role === "unknown";
-    for (const entry of entries.filter(isGone)) this.library.drop(entry);
+    for (const entry of entries) if (isGone(entry) && !isKept(entry)) this.library.drop(entry);
     for (const image of [...images.values()].filter(isOrigin)) this.library.dropImage(image.path);
     this.#forgetOrigin();
     this.problems.report("example", "info", "Your files took the place of the example.", {

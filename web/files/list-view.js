@@ -8,8 +8,8 @@ import { virtualList } from "../ui/virtual-list.js";
 import { columnMapper, hasOtherColumns } from "./column-mapper.js";
 import { ROLES, corrections, guessMark, sizeField, takesSize } from "./corrections.js";
 import { contentOf, tableOf } from "./entry.js";
-import { markButton } from "./mark-button.js";
 import { modelSettings } from "./model-settings.js";
+import { liveButton, markButton } from "./openers.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -198,7 +198,7 @@ function entryItem(session, entry) {
     ...modelSettings(session, entry),
     parsed.state !== "new" && !isResult && corrections(session, entry),
     ...useOf(session, entry),
-    entry.marked !== null && entry.parsed.state === "used" && markButton(session),
+    entry.parsed.state === "used" && openerOf(session, entry),
     hasOtherColumns(entry) &&
       disclosure(`columns ${path}`, ["Its columns have other names"], () =>
         columnMapper(session, entry),
@@ -248,6 +248,17 @@ function useOf(session, entry) {
   const label = isResult || session.isCompared(entry) ? "Show this one" : "Use this one";
   const onclick = () => void session.use(entry);
   return [h("button", { type: "button", class: "link", onclick }, label)];
+}
+
+/**
+ * What a file that is used can be gone on with.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function openerOf(session, { marked, taken }) {
+  if (marked !== null) return markButton(session);
+  // Without frames it is offered in their place.
+  return taken.role === "checkpoint" && session.frames ? liveButton(session) : null;
 }
 
 /** @param {Entry} entry */

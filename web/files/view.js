@@ -5,7 +5,7 @@ import { announce, byId, fill, h, icon } from "../ui/dom.js";
 import { baseName, count, integer, names } from "../ui/format.js";
 import { showJoin } from "./join-view.js";
 import { showList } from "./list-view.js";
-import { markButton } from "./mark-button.js";
+import { liveButton, markButton } from "./openers.js";
 import { showProblems } from "./problems-view.js";
 
 /** @typedef {import("../session.js").Session} Session */
@@ -53,6 +53,7 @@ function showMissing(session) {
   const needs = session.needs;
   place.hidden = session.library.size === 0 || needs.every(({ met }) => met);
   if (place.hidden) return;
+  const ways = [markButton(session), session.frames ? null : liveButton(session)].filter(Boolean);
   fill(
     place,
     h("h2", { id: "missing-title" }, "Needed for a score"),
@@ -79,6 +80,6 @@ function showMissing(session) {
         ),
       ),
     ),
-    markButton(session),
+    ways.length > 0 && h("div", { class: "actions opens-instead" }, ...ways),
   );
 }

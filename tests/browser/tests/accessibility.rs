@@ -192,6 +192,20 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     check("marking").await;
 
     page.click("#start-over").await;
+    page.pick(&[&site().join("example/checkpoint.safetensors")])
+        .await;
+    page.click("#missing .open-live").await;
+    page.until("!document.querySelector('#live').hidden").await;
+    check("live, before a camera is chosen").await;
+    page.click("#live-camera").await;
+    // Chromium finds no camera here, Firefox one that is not real.
+    page.until(
+        "document.querySelector('#live [role=alert]') || document.querySelector('#live-stage').dataset.frames",
+    )
+    .await;
+    check("live").await;
+
+    page.click("#start-over").await;
     let saved = ["ours.json", "theirs.json"].map(|name| folder.path().join(name));
     saved.iter().for_each(|file| save(file));
     page.pick(&[&saved[0], &saved[1]]).await;
@@ -263,6 +277,12 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.until("document.querySelector('#marking-stage').dataset.picture")
         .await;
     fits("marking on a phone").await;
+    page.click("#start-over").await;
+    page.pick(&[&site().join("example/checkpoint.safetensors")])
+        .await;
+    page.click("#missing .open-live").await;
+    page.until("!document.querySelector('#live').hidden").await;
+    fits("live on a phone").await;
     let window = json!({ "width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": false });
     page.cdp("Emulation.setDeviceMetricsOverride", window).await;
     page.value("document.documentElement.style.fontSize = '200%'")
