@@ -116,16 +116,26 @@ export class Points {
   }
 
   /**
-   * Where an object is, while no keypoint is known.
+   * Where an object is, while no keypoint is known; `null` for one that is visible in no frame.
    * @param {number} object
    * @returns {Series | null}
    */
   truthOf(object) {
-    if (!this.scoring) return null;
-    const { truth } = this.scoring.series(object, 0, { transform: "identity" });
+    const truth = this.#truthOf(object);
+    if (!truth) return null;
     const unknown = new Float64Array(truth.length).fill(NaN);
     const distances = new Float64Array(truth.length / 2).fill(NaN);
     return { truth, keypoint: unknown, transformed: unknown, distances };
+  }
+
+  /** @param {number} object */
+  #truthOf(object) {
+    try {
+      return this.scoring?.series(object, 0, { transform: "identity" }).truth ?? null;
+    } catch {
+      // The package has no series of an object that is visible nowhere.
+      return null;
+    }
   }
 
   /**
