@@ -57,6 +57,13 @@ _, intervals = library.get_interval_estimates(
 )
 
 curve = rng.normal(size=37).cumsum().round(4)
+# Drawn last, so that what is above stays as it was.
+ordered = rng.normal(size=9).round(2)
+pairs = [
+    (ordered, (ordered + rng.normal(size=9)).round(2)),
+    (numpy.array([0, 1 / 3, 1 / 3, 2 / 3, 1]), numpy.array([0.1, 0.0, 0.4, 0.4, 0.9])),
+    (numpy.array([0.2, 0.1]), numpy.array([1.0, 3.0])),
+]
 fixture = {
     "made_with": {"numpy": numpy.__version__, "scipy": scipy.__version__, "rliable": "1.2.0"},
     "samples": cases,
@@ -68,6 +75,9 @@ fixture = {
         "interval": numpy.quantile(replicates, [0.025, 0.975]).tolist(),
     },
     "rliable": {"strata": scores.T.tolist(), "interval": intervals["a"].ravel().tolist()},
+    "rank_correlation": [
+        {"a": a.tolist(), "b": b.tolist(), "rho": float(scipy.stats.spearmanr(a, b).statistic)} for a, b in pairs
+    ],
     "smooth": [
         {"values": values.tolist(), "sigma": sigma, "smoothed": gaussian_filter1d(values, sigma).tolist()}
         for values, sigma in ((curve, 2.5), (curve[:3], 2.5), (curve[:1], 2.5), (curve, 0.4))

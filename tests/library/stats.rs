@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 use tracklens::metric::stats::{
     Sample, percentile_interval, performance_profile, probability_of_improvement, quantile,
-    quantile_window_mean, smooth, stratified_interval, trimmed_mean,
+    quantile_window_mean, rank_correlation, smooth, stratified_interval, trimmed_mean,
 };
 
 /// Both are sums of at most 101 values in f64, in different orders.
@@ -98,6 +98,19 @@ fn improvement_equals_rliable() {
         probability_of_improvement(&a, &a).expect("a probability"),
         0.5
     );
+}
+
+#[test]
+fn rank_correlations_equal_scipy() {
+    let parity = Parity::default();
+    for case in fixture()["rank_correlation"].as_array().expect("cases") {
+        let (a, b) = (numbers(&case["a"]), numbers(&case["b"]));
+        let rho = rank_correlation(&a, &b).expect("ranks").expect("an order");
+        parity.close("rank correlation (SciPy)", rho, &case["rho"]);
+    }
+    let rho = |a: &[f64], b: &[f64]| rank_correlation(a, b);
+    assert_eq!(rho(&[1.0, 1.0], &[1.0, 2.0]).expect("ranks"), None);
+    assert!(rho(&[1.0], &[1.0, 2.0]).is_err() && rho(&[f64::NAN], &[1.0]).is_err());
 }
 
 #[test]

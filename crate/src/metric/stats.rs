@@ -186,6 +186,41 @@ pub fn probability_of_improvement(a: &[f64], b: &[f64]) -> Result<f64> {
     Ok(wins / (a.len() * b.len()) as f64)
 }
 
+/// Spearman's rank correlation of `a` and `b`, one value each for every individual: Pearson's of
+/// their ranks, where equal values share the mean of their ranks. `None` where one of them has a
+/// single value throughout and so no order.
+///
+/// # Errors
+/// When they differ in length, have no value, or a value is NaN.
+pub fn rank_correlation(a: &[f64], b: &[f64]) -> Result<Option<f64>> {
+    if a.len() != b.len() {
+        return Err(Error::input(format!(
+            "a rank correlation of {} and {} values; expected as many of both",
+            a.len(),
+            b.len()
+        )));
+    }
+    let (a, b) = (ranks(a)?, ranks(b)?);
+    let middle = (a.len() as f64 + 1.0) / 2.0;
+    let product = |x: &[f64], y: &[f64]| -> f64 {
+        let pairs = x.iter().zip(y);
+        pairs.map(|(x, y)| (x - middle) * (y - middle)).sum()
+    };
+    let spread = product(&a, &a) * product(&b, &b);
+    Ok((spread > 0.0).then(|| product(&a, &b) / spread.sqrt()))
+}
+
+/// The ranks of `values`, counted from 1; equal ones share their mean.
+fn ranks(values: &[f64]) -> Result<Vec<f64>> {
+    let sorted = sorted(values)?;
+    let rank = |value: &f64| {
+        let below = sorted.partition_point(|other| other < value);
+        let not_above = sorted.partition_point(|other| other <= value);
+        (below + 1 + not_above) as f64 / 2.0
+    };
+    Ok(values.iter().map(rank).collect())
+}
+
 /// The share of `errors` that are at most tau, for each of `taus`.
 ///
 /// # Errors
