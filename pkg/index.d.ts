@@ -828,7 +828,7 @@ export function drawLines(canvas: HTMLCanvasElement, figure: LineFigure): PlotAr
 /** The same figure as an SVG document. */
 export function linesToSvg(figure: LineFigure, width: number, height: number): string;
 
-/** The files of a run folder that `tracklens train` or `tracklens sweep` wrote, as far as they are there. */
+/** The files of a run folder that `tracklens train`, `tracklens sweep` or `tools/rl` wrote, as far as they are there. */
 export interface RunFiles {
   /** `config.json` */
   config?: Uint8Array;
@@ -848,6 +848,10 @@ export interface FoundRun {
   log: number | null;
   summary: number | null;
   error: number | null;
+  /** `checkpoint_best.safetensors` */
+  best: number | null;
+  /** `checkpoint_final.safetensors` */
+  last: number | null;
 }
 
 /**
@@ -871,7 +875,18 @@ export interface TableCell {
 
 /** A table as every output shows it. */
 export interface Table {
-  name: "capability" | "only-errors" | "errors" | "improvement" | "runs" | "published" | "claims";
+  name:
+    | "capability"
+    | "only-errors"
+    | "errors"
+    | "improvement"
+    | "runs"
+    | "success"
+    | "correlation"
+    | "encoders"
+    | "agents"
+    | "published"
+    | "claims";
   caption: string;
   /** What a reader needs to know, in whole sentences; may be empty. */
   note: string;
@@ -891,6 +906,19 @@ export interface RunDataSet {
   settings: string[];
   /** `incomplete` says why a run does not count. */
   runs: { name: string; architecture: string; seed: number | null; epochs: number; incomplete: string | null }[];
+}
+
+/** A run of an agent (`tools/rl`). */
+export interface ComparedAgent {
+  name: string;
+  /** What it sees, e.g. `keypoints+robot`. */
+  state: string;
+  seesByCheckpoint: boolean;
+  seed: number;
+  /** Steps up to its last evaluation. */
+  steps: number;
+  /** Why it does not count. */
+  incomplete: string | null;
 }
 
 /** How to compare runs. */
@@ -956,6 +984,70 @@ export interface RunGroup {
   }[];
 }
 
+/** One group of {@link AgentsReport}; numbers are `null` without a complete run. */
+export interface AgentGroup {
+  name: string;
+  /** `null` where it is not the same for all. */
+  state: string | null;
+  architecture: string | null;
+  task: string | null;
+  complete: number;
+  incomplete: { name: string; seed: number; steps: number; reason: string }[];
+  steps: number;
+  /** Mean TC of the encoders. */
+  tc: number | null;
+  /** Interquartile means over the runs, smoothed. */
+  curve: { step: number; iqm: number; interval: [number, number] | null }[];
+  /** At the end of the curve. */
+  success: number | null;
+  success_interval: [number, number] | null;
+  mean_success: number | null;
+  mean_success_interval: [number, number] | null;
+  runs: {
+    name: string;
+    task: string;
+    state: string;
+    encoder: string | null;
+    seed: number;
+    tc: number | null;
+    steps: number;
+    success: number;
+    last_success: number;
+    mean_success: number;
+  }[];
+}
+
+/** The numbers of agents. */
+export interface AgentsReport {
+  /** Standard deviation of the Gaussian that success is smoothed by, in evaluations. */
+  smoothing: number;
+  groups: AgentGroup[];
+  objects: string[];
+  thresholds: number[];
+  /** The encoders, once for each setting of agents that see by them. */
+  encoders: {
+    name: string;
+    crc32: number;
+    setting: string;
+    runs: number;
+    tc: number | null;
+    errors: (number | null)[];
+    tracked: boolean[];
+    success: number;
+    success_interval: [number, number] | null;
+  }[];
+  /** Rank correlation of tracking (of an object's error, or TC) and success. */
+  correlations: {
+    setting: string;
+    object: string | null;
+    encoders: number;
+    rho: number | null;
+    interval: [number, number] | null;
+    pairs: number;
+    in_order: number;
+  }[];
+}
+
 /** The numbers of many runs, as `report.json` of `tracklens report`. */
 export interface RunsReport {
   schema: "tracklens/report/1";
@@ -965,21 +1057,29 @@ export interface RunsReport {
   groups: RunGroup[];
   /** How probable it is that a run of `group` has a lower error than one of `over`. */
   improvement: { object: string; group: string; over: string; probability: number }[];
+  agents?: AgentsReport;
   /** Folders that cannot be read. */
   unread: { name: string; reason: string }[];
   notes: string[];
 }
 
-/** Runs side by side: trainings by their folders, and detectors that were scored. Of the part `comparison`. */
+/** CRC-32 of a checkpoint, by which agents know their encoders. Of the part `comparison`. */
+export function checkpointCrc32(bytes: Uint8Array): number;
+
+/** Runs side by side: trainings and agents by their folders, and detectors that were scored. Of the part `comparison`. */
 export class Comparison {
   constructor();
   /** A run folder. What cannot be read is counted in `unread`, with the reason. */
   addRun(name: string, files: RunFiles): void;
   /** A scored detector; without an architecture it is called what its name begins with (`mine` of `mine_seed3.csv`). */
   addEvaluation(name: string, evaluation: Evaluation, architecture?: string): void;
+  /** The checkpoints (best, last) of the training of this name, so that agents find their encoders. */
+  addCheckpoints(name: string, best?: number, last?: number): void;
   readonly dataSets: RunDataSet[];
+  /** Agents are compared beside any data set. */
+  readonly agents: ComparedAgent[];
   readonly unread: { name: string; reason: string }[];
-  /** Throws when no run of the data set is complete. */
+  /** Throws when no run of the data set and no agent is complete. */
   compare(options?: CompareOptions): Compared;
   free(): void;
 }
@@ -990,10 +1090,13 @@ export class Compared {
   readonly report: RunsReport;
   /**
    * Capabilities and errors (or, where no group has more than one run, the errors alone), the probabilities of improvement,
-   * and the runs.
+   * and the runs; success of agents, tracking beside it, and their runs.
    */
   readonly tables: Table[];
-  /** Box plots, stacked capabilities, performance profiles, and curves of what has epochs. */
+  /**
+   * Box plots, stacked capabilities, performance profiles, and curves of what has epochs; success of agents over steps, at
+   * the end, and over the tracking of their encoders.
+   */
   readonly figures: Figure[];
   /** One self-contained document. */
   toHtml(): string;
@@ -1002,5 +1105,9 @@ export class Compared {
   runsCsv(): string;
   /** A line a group and object. */
   errorsCsv(): string;
+  /** A line an agent. */
+  agentsCsv(): string;
+  /** A line a group of agents and step. */
+  successCsv(): string;
   free(): void;
 }

@@ -322,10 +322,11 @@ test("runs are compared by groups, and what does not count is told", () => {
 
 test("run folders are found among other files", () => {
   const paths = ["a/config.json", "a/log.jsonl", "a/x.png", "b.partial/error.txt", "c/config.json"];
+  paths.push("a/checkpoint_best.safetensors");
   assert.deepEqual(tracklens.findRuns(paths), {
     runs: [
-      { folder: "a", config: 0, log: 1, summary: null, error: null },
-      { folder: "b.partial", config: null, log: null, summary: null, error: 3 },
+      { folder: "a", config: 0, log: 1, summary: null, error: null, best: 5, last: null },
+      { folder: "b.partial", config: null, log: null, summary: null, error: 3, best: null, last: null },
     ],
     rest: [2, 4],
   });

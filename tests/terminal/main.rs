@@ -1,8 +1,11 @@
 //! The `tracklens` command.
 
+#[path = "../shared/agents.rs"]
+mod agent_runs;
 #[path = "../shared/runs.rs"]
 mod runs;
 
+mod agents;
 mod binary;
 mod cli;
 mod cli_checkpoint;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -115,6 +116,25 @@ class Checkpoint:
             return cls(zlib.crc32(path.read_bytes()))
         except OSError as error:
             raise RunError(f"cannot read {path}: {error.strerror}", IO_FAILED) from error
+
+
+def evaluation_of(path: Path) -> dict[str, Any]:
+    """How well an encoder tracks, from what `tracklens eval --json` wrote: TC, the map, and of
+    every object its error and threshold. A report takes the errors from here."""
+    try:
+        read = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunError(f"cannot read {path}: {error.strerror}", IO_FAILED) from error
+    except ValueError as error:
+        raise RunError(f"{path} is no JSON: {error}", BAD_INPUT) from error
+    schema = read.get("schema") if isinstance(read, dict) else None
+    if not str(schema).startswith("tracklens/evaluation/"):
+        raise RunError(
+            f"{path} is no evaluation; expected what `tracklens eval --json` writes", BAD_INPUT
+        )
+    kept = ["name", "error", "threshold"]
+    objects = [{name: one[name] for name in kept} for one in read["objects"]]
+    return {"tc": read["tc"], "transform": read["transform"], "objects": objects}
 
 
 @dataclass(frozen=True)

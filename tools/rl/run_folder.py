@@ -60,7 +60,8 @@ class RunFolder:
             raise RunError(f"another process works on {self.path} ({lock})", IO_FAILED) from error
 
     def start(self, config: RunConfig, about: dict[str, Any]) -> None:
-        """Begins a run, or checks that a started one is the same. `about` is what may change."""
+        """Begins a run, or checks that a started one is the same. `about` is what may change; an
+        evaluation of the encoder stays until another one is given."""
         if self.config.exists():
             started = read_json(self.config)
             differs = difference(started, config.to_json())
@@ -69,6 +70,9 @@ class RunFolder:
                     f"{self.path} is another run: {differs}. Name another folder for a new run",
                     MISMATCH,
                 )
+            encoder, before = about["encoder"], started.get("encoder")
+            if encoder and before and encoder["evaluation"] is None:
+                about = {**about, "encoder": {**encoder, "evaluation": before["evaluation"]}}
         write_json(self.config, describe(config, about))
 
     def append(self, line: dict[str, Any]) -> None:

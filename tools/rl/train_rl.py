@@ -38,6 +38,7 @@ try:
         Protocol,
         RunConfig,
         RunError,
+        evaluation_of,
     )
     from run_folder import RunFolder, whole, write_json
 except ModuleNotFoundError as error:
@@ -307,6 +308,12 @@ def arguments() -> argparse.ArgumentParser:
         "--checkpoint", type=Path, metavar="FILE", help="the encoder of the states with keypoints"
     )
     parser.add_argument(
+        "--evaluation",
+        type=Path,
+        metavar="FILE.json",
+        help="how well that encoder tracks, from `tracklens eval --json`, for reports",
+    )
+    parser.add_argument(
         "--task",
         choices=TASKS,
         default="reach",
@@ -368,7 +375,7 @@ def check(options: argparse.Namespace) -> None:
     if frames and options.checkpoint is None:
         raise RunError(f"--state {options.state} needs an encoder: --checkpoint", WRONG_ARGUMENTS)
     if not frames:
-        for name in ["checkpoint", "size", "meshes"]:
+        for name in ["checkpoint", "evaluation", "size", "meshes"]:
             if getattr(options, name) is not None:
                 raise RunError(
                     f"{option(name)} belongs to keypoints, and --state {options.state} has none",
@@ -401,6 +408,7 @@ def train(options: argparse.Namespace, cancelled: list[int]) -> None:
         "steps": protocol.steps,
         "threads": options.threads,
         "checkpoint_file": options.checkpoint.name if checkpoint else None,
+        "encoder": encoder and about_encoder(options, encoder.architecture),
     }
     torch.set_num_threads(options.threads)
     folder = RunFolder(options.out)
@@ -415,6 +423,15 @@ def train(options: argparse.Namespace, cancelled: list[int]) -> None:
         finally:
             for venv in venvs:
                 venv.close()
+
+
+def about_encoder(options: argparse.Namespace, architecture: str | None) -> dict[str, Any]:
+    """What a report needs to know of the encoder."""
+    return {
+        "path": str(options.checkpoint),
+        "architecture": architecture,
+        "evaluation": evaluation_of(options.evaluation) if options.evaluation else None,
+    }
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -13,12 +13,13 @@ use super::score::ThresholdArguments;
 use super::trajectories;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
+use crate::evaluation::EvaluationReport;
 use crate::report::draw::Figure;
 use crate::report::runs::{
-    Grouping, Reference, Run, Runs, RunsReport, Unread, errors_csv, runs_csv, runs_figures,
-    runs_latex, runs_markdown, runs_page,
+    AgentRun, Agents, Grouping, Reference, Run, Runs, RunsReport, Unread, Weights, agents_csv,
+    errors_csv, runs_csv, runs_figures, runs_latex, runs_markdown, runs_page, success_csv,
 };
-use crate::run::{FoundRun, RunFiles, find_runs};
+use crate::run::{FoundRun, RunFiles, RunKind, find_runs};
 use crate::weights::read;
 
 /// Folders below the given ones that are searched for runs.
@@ -26,7 +27,7 @@ const DEPTH: usize = 6;
 
 #[derive(Debug, Args)]
 pub(super) struct ReportArguments {
-    /// Run folders, or folders with run folders in them
+    /// Run folders of trainings and agents, or folders with run folders in them
     #[arg(required = true, value_name = "RUNS")]
     runs: Vec<PathBuf>,
     /// Folder to write the tables and figures into
@@ -47,6 +48,10 @@ pub(super) struct ReportArguments {
     /// Published numbers to compare with (TOML, e.g. sweeps/paper-results.toml)
     #[arg(long, value_name = "FILE.toml")]
     reference: Option<PathBuf>,
+    /// How well the encoder of agents tracks: its checkpoint, and what `tracklens eval --json` found;
+    /// not needed for the checkpoints of trainings that are given as well. May be repeated
+    #[arg(long = "evaluation", value_name = "CHECKPOINT=FILE.json")]
+    evaluations: Vec<String>,
     /// The data set of the runs, for trajectories on its frames: a folder of image sequences or a
     /// recording
     #[arg(long, value_name = "DATA")]
@@ -68,8 +73,16 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     let thresholds = arguments.thresholds.parse()?;
     let reference = arguments.reference.as_deref().map(read_reference);
     let reference = reference.transpose()?;
-    let (runs, unread) = read_runs(&arguments.runs)?;
-    let runs = Runs::new(runs, &thresholds, &arguments.group_by)?;
+    let evaluations = arguments
+        .evaluations
+        .iter()
+        .map(|text| read_evaluation(text));
+    let evaluations: Vec<(u32, EvaluationReport)> = evaluations.collect::<Result<_>>()?;
+    let (runs, mut agents, unread) = read_runs(&arguments.runs)?;
+    for (crc32, evaluation) in &evaluations {
+        agents.add_evaluation(*crc32, evaluation);
+    }
+    let runs = Runs::new(runs, &agents, &thresholds, &arguments.group_by)?;
     let mut report = RunsReport::new(&runs, unread, arguments.resamples, arguments.seed)?;
     if let Some(reference) = &reference {
         report.compare_with(reference);
@@ -100,8 +113,8 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     Ok(())
 }
 
-/// The runs below `folders`, and those that cannot be read.
-fn read_runs(folders: &[PathBuf]) -> Result<(Vec<Arc<Run>>, Vec<Unread>)> {
+/// The runs and agents below `folders`, and those that cannot be read.
+fn read_runs(folders: &[PathBuf]) -> Result<(Vec<Arc<Run>>, Agents, Vec<Unread>)> {
     let mut search = Search::default();
     for path in folders {
         if !path.is_dir() {
@@ -114,22 +127,45 @@ fn read_runs(folders: &[PathBuf]) -> Result<(Vec<Arc<Run>>, Vec<Unread>)> {
         let name = path.to_string_lossy();
         search.list(path, name.trim_end_matches('/'), DEPTH);
     }
-    let mut runs = Vec::new();
+    let (mut runs, mut agents) = (Vec::new(), Agents::default());
     for found in find_runs(search.names.iter().map(String::as_str)).runs {
         match search.read(&found) {
-            Ok(run) => runs.push(Arc::new(run)),
+            Ok(AnyRun::Training(run)) => runs.push((Arc::new(run), found)),
+            Ok(AnyRun::Agent(run)) => agents.push(run),
             Err(why) => search.unread.push(why),
         }
     }
-    match &search.unread[..] {
-        [first, ..] if runs.is_empty() => Err(Error::numeric(format!(
+    if runs.is_empty()
+        && agents.runs().is_empty()
+        && let Some(first) = search.unread.first()
+    {
+        return Err(Error::numeric(format!(
             "none of the {} runs can be read ({}: {})",
             search.unread.len(),
             first.name,
             first.reason
-        ))),
-        _ => Ok((runs, search.unread)),
+        )));
     }
+    search.find_encoders(&runs, &mut agents)?;
+    let runs = runs.into_iter().map(|(run, _)| run).collect();
+    Ok((runs, agents, search.unread))
+}
+
+/// A run of either kind.
+enum AnyRun {
+    Training(Run),
+    Agent(AgentRun),
+}
+
+/// The CRC-32 of a checkpoint with its evaluation, from `CHECKPOINT=FILE.json`.
+fn read_evaluation(text: &str) -> Result<(u32, EvaluationReport)> {
+    let (checkpoint, file) = text.rsplit_once('=').ok_or_else(|| {
+        Error::input(format!(
+            "--evaluation {text} names no evaluation; expected CHECKPOINT=FILE.json"
+        ))
+    })?;
+    let report = EvaluationReport::parse(&read(Path::new(file))?, file)?;
+    Ok((crc32fast::hash(&read(Path::new(checkpoint))?), report))
 }
 
 /// The files of the report by name, the page that shows everything last.
@@ -142,16 +178,23 @@ fn files_of(report: &RunsReport, figures: &[Figure]) -> Result<Vec<(String, Vec<
         files.push((format!("{name}.svg"), figure.svg.clone().into_bytes()));
     }
     let json = serde_json::to_string_pretty(report).map_err(|e| Error::input(e.to_string()))?;
-    let documents = [
-        ("runs.csv", runs_csv(report)),
-        ("errors.csv", errors_csv(report)),
+    let mut documents = Vec::new();
+    if !report.groups.is_empty() {
+        documents.push(("runs.csv", runs_csv(report)));
+        documents.push(("errors.csv", errors_csv(report)));
+    }
+    if report.agents.is_some() {
+        documents.push(("agents.csv", agents_csv(report)));
+        documents.push(("success.csv", success_csv(report)));
+    }
+    documents.extend([
         ("report.md", runs_markdown(report, figures)),
         ("tables.tex", runs_latex(report)),
         ("report.json", json),
         ("report.html", runs_page(report, figures)),
-    ];
-    let documents = documents.map(|(name, text)| (name.to_owned(), text.into_bytes()));
-    files.extend(documents);
+    ]);
+    let documents = documents.into_iter();
+    files.extend(documents.map(|(name, text)| (name.to_owned(), text.into_bytes())));
     Ok(files)
 }
 
@@ -170,7 +213,7 @@ fn summarize(report: &RunsReport, out: &Path) {
     eprintln!(
         "{} complete runs in {} groups{more}; report written to {}",
         report.complete(),
-        report.groups.len(),
+        report.groups.len() + report.agent_groups().len(),
         out.join("report.html").display()
     );
 }
@@ -216,7 +259,7 @@ impl Search {
     }
 
     /// Reads a run; a file that cannot be read is the reason why the run is not.
-    fn read(&self, found: &FoundRun) -> std::result::Result<Run, Unread> {
+    fn read(&self, found: &FoundRun) -> std::result::Result<AnyRun, Unread> {
         let bytes = |position: Option<usize>| {
             let path = position.map(|position| &self.files[position]);
             let bytes = path.map(fs::read).transpose();
@@ -234,7 +277,28 @@ impl Search {
             summary: summary.as_deref(),
             error: error.as_deref(),
         };
-        Run::parse(&found.folder, &files)
+        match files.kind() {
+            RunKind::Encoder => Run::parse(&found.folder, &files).map(AnyRun::Training),
+            RunKind::Agent => AgentRun::parse(&found.folder, &files).map(AnyRun::Agent),
+        }
+    }
+
+    /// Finds the checkpoints that agents see by among those of trainings.
+    fn find_encoders(&self, runs: &[(Arc<Run>, FoundRun)], agents: &mut Agents) -> Result<()> {
+        let wanted = agents.checkpoints();
+        if wanted.is_empty() {
+            return Ok(());
+        }
+        for (run, found) in runs {
+            for (position, weights) in [(found.best, Weights::Best), (found.last, Weights::Last)] {
+                let Some(position) = position else { continue };
+                let crc32 = crc32fast::hash(&read(&self.files[position])?);
+                if wanted.contains(&crc32) {
+                    agents.add_training(crc32, run, weights);
+                }
+            }
+        }
+        Ok(())
     }
 }
 
@@ -251,5 +315,7 @@ fn read_reference(path: &Path) -> Result<Reference> {
         Error::input(e.to_string().trim_end().to_owned()).at(path.display())
     };
     let text = std::str::from_utf8(&bytes).map_err(|e| wrong(&e))?;
-    toml::from_str(text).map_err(|e| wrong(&e))
+    let reference: Reference = toml::from_str(text).map_err(|e| wrong(&e))?;
+    reference.validate().map_err(|e| e.at(path.display()))?;
+    Ok(reference)
 }

@@ -3,11 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// The configuration, a [`RunConfig`](super::RunConfig) as JSON.
+use serde::Deserialize;
+
+use super::agent::AGENT_SCHEMA;
+
+/// The configuration as JSON: a [`RunConfig`](super::RunConfig), or an agent's
+/// [`AgentConfig`](super::AgentConfig).
 pub const CONFIG: &str = "config.json";
-/// The log: an [`EpochLog`](super::EpochLog) a line.
+/// The log: an [`EpochLog`](super::EpochLog) a line, or an
+/// [`AgentEvaluation`](super::AgentEvaluation).
 pub const LOG: &str = "log.jsonl";
-/// The summary, a [`TrainSummary`](super::TrainSummary) as JSON.
+/// The summary as JSON: a [`TrainSummary`](super::TrainSummary), or an
+/// [`AgentSummary`](super::AgentSummary).
 pub const SUMMARY: &str = "summary.json";
 /// Why the last attempt of a run of a sweep failed.
 pub const ERROR: &str = "error.txt";
@@ -17,6 +24,8 @@ pub const CHECKPOINT_BEST: &str = "checkpoint_best.safetensors";
 pub const CHECKPOINT_FINAL: &str = "checkpoint_final.safetensors";
 /// What a resumed run starts from.
 pub const STATE: &str = "state.safetensors";
+/// The files of an agent that nothing here reads: its networks, and what it goes on from.
+const AGENT_FILES: [&str; 3] = ["model.zip", "model_best.zip", "state.pt"];
 /// Locked while a process works on the run; names the process.
 pub const LOCK: &str = "lock";
 /// The names of TensorBoard event files begin with it.
@@ -32,6 +41,15 @@ pub fn partial_folder(finished: &Path) -> PathBuf {
     name.into()
 }
 
+/// What a run trains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunKind {
+    /// A spatial autoencoder.
+    Encoder,
+    /// An agent that learns by reinforcement (`tools/rl`).
+    Agent,
+}
+
 /// The contents of the files that describe a run, where they exist.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RunFiles<'a> {
@@ -43,6 +61,21 @@ pub struct RunFiles<'a> {
     pub summary: Option<&'a [u8]>,
     /// [`ERROR`].
     pub error: Option<&'a [u8]>,
+}
+
+impl RunFiles<'_> {
+    /// What the run trains; an encoder where its configuration does not say.
+    pub fn kind(&self) -> RunKind {
+        #[derive(Deserialize)]
+        struct Head {
+            schema: Option<String>,
+        }
+        let head = |config| serde_json::from_slice::<Head>(config).ok()?.schema;
+        match self.config.and_then(head) {
+            Some(schema) if schema.starts_with(AGENT_SCHEMA) => RunKind::Agent,
+            _ => RunKind::Encoder,
+        }
+    }
 }
 
 /// One run folder among other files. The files are positions in the list that was searched.
@@ -58,6 +91,10 @@ pub struct FoundRun {
     pub summary: Option<usize>,
     /// [`ERROR`].
     pub error: Option<usize>,
+    /// [`CHECKPOINT_BEST`].
+    pub best: Option<usize>,
+    /// [`CHECKPOINT_FINAL`].
+    pub last: Option<usize>,
 }
 
 /// The run folders among a list of files.
@@ -72,8 +109,8 @@ pub struct FoundRuns {
 /// Finds the run folders among `paths`, whose parts are separated by `/`.
 ///
 /// A folder is a run folder when it holds a [`LOG`] or a [`SUMMARY`], or, as a sweep leaves it, when
-/// its name ends in `.partial` and it holds a [`CONFIG`] or an [`ERROR`]. Checkpoints, state, lock
-/// and event files in a run folder belong to the run.
+/// its name ends in `.partial` and it holds a [`CONFIG`] or an [`ERROR`]. Checkpoints, an agent's
+/// networks, state, lock and event files in a run folder belong to the run.
 pub fn find_runs<'a>(paths: impl IntoIterator<Item = &'a str> + Clone) -> FoundRuns {
     let folders: BTreeSet<&str> = paths
         .clone()
@@ -102,8 +139,10 @@ pub fn find_runs<'a>(paths: impl IntoIterator<Item = &'a str> + Clone) -> FoundR
             LOG => run.log = Some(position),
             SUMMARY => run.summary = Some(position),
             ERROR => run.error = Some(position),
-            CHECKPOINT_BEST | CHECKPOINT_FINAL | STATE | LOCK => {}
-            name if name.starts_with(EVENTS_PREFIX) => {}
+            CHECKPOINT_BEST => run.best = Some(position),
+            CHECKPOINT_FINAL => run.last = Some(position),
+            STATE | LOCK => {}
+            name if AGENT_FILES.contains(&name) || name.starts_with(EVENTS_PREFIX) => {}
             _ => rest.push(position),
         }
     }
@@ -143,8 +182,32 @@ mod tests {
         let [_, a, b, c] = &found.runs[..] else {
             panic!("four runs")
         };
-        assert_eq!((a.config, a.log, a.summary), (Some(0), Some(1), None));
+        assert_eq!((a.config, a.log, a.last), (Some(0), Some(1), Some(2)));
         assert_eq!((b.config, b.log, c.error), (None, Some(4), Some(5)));
+    }
+
+    #[test]
+    fn the_folder_of_an_agent_holds_its_networks_and_says_what_it_is() {
+        let paths = [
+            "a/config.json",
+            "a/log.jsonl",
+            "a/model.zip",
+            "a/state.pt",
+            "b/model.zip",
+        ];
+        let found = find_runs(paths);
+        assert_eq!((found.runs.len(), &found.rest[..]), (1, &[4][..]));
+        let kind = |config: &str| {
+            let config = Some(config.as_bytes());
+            let files = RunFiles {
+                config,
+                ..RunFiles::default()
+            };
+            files.kind()
+        };
+        assert_eq!(kind(r#"{"schema": "tracklens/rl-run/1"}"#), RunKind::Agent);
+        assert_eq!(kind(r#"{"version": "0.1.0"}"#), RunKind::Encoder);
+        assert_eq!(kind("{"), RunKind::Encoder);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::TrainConfig;
@@ -98,18 +99,18 @@ pub struct TrainSummary {
     pub evaluation: Option<EvaluationReport>,
 }
 
-/// The epochs of a `log.jsonl` up to the first line that cannot be read, and what is wrong with that
-/// line. A run that ends while it writes leaves such a line.
-pub fn read_log(bytes: &[u8]) -> (Vec<EpochLog>, Option<Error>) {
-    let mut epochs = Vec::new();
+/// The records of a `log.jsonl` (epochs, or an agent's evaluations) up to the first line that cannot
+/// be read, and what is wrong with that line. A run that ends while it writes leaves such a line.
+pub fn read_log<T: DeserializeOwned>(bytes: &[u8]) -> (Vec<T>, Option<Error>) {
+    let mut records = Vec::new();
     for (i, line) in bytes.split(|b| *b == b'\n').enumerate() {
         if line.is_empty() {
             continue;
         }
         match serde_json::from_slice(line) {
-            Ok(epoch) => epochs.push(epoch),
-            Err(e) => return (epochs, Some(Error::input(format!("line {}: {e}", i + 1)))),
+            Ok(record) => records.push(record),
+            Err(e) => return (records, Some(Error::input(format!("line {}: {e}", i + 1)))),
         }
     }
-    (epochs, None)
+    (records, None)
 }

@@ -15,10 +15,10 @@ use crate::error::Error;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::Figure;
 use crate::report::runs::{
-    Grouping, Run, Runs, RunsReport, Unread, data_sets, errors_csv, runs_csv, runs_figures,
-    runs_markdown, runs_page, runs_tables,
+    AgentRun, Agents, Grouping, Run, Runs, RunsReport, Unread, Weights, agents_csv, data_sets,
+    errors_csv, runs_csv, runs_figures, runs_markdown, runs_page, runs_tables, success_csv,
 };
-use crate::run::RunFiles;
+use crate::run::{RunFiles, RunKind};
 
 /// Draws of the runs for the intervals, as `tracklens report` makes them.
 const RESAMPLES: usize = 2000;
@@ -32,11 +32,18 @@ pub fn parse_evaluation(bytes: &[u8], name: &str) -> JsResult<JsValue> {
     to_js(&EvaluationReport::parse(bytes, name).map_err(|e| js_error(&e))?)
 }
 
-/// Runs that are to be compared: trainings, and detectors that were scored.
+/// CRC-32 of a checkpoint, by which agents know their encoders.
+#[wasm_bindgen(js_name = checkpointCrc32)]
+pub fn checkpoint_crc32(bytes: &[u8]) -> u32 {
+    crc32fast::hash(bytes)
+}
+
+/// Runs that are to be compared: trainings, detectors that were scored, and agents.
 #[wasm_bindgen]
 #[derive(Default)]
 pub struct Comparison {
     runs: Vec<Arc<Run>>,
+    agents: Agents,
     unread: Vec<Unread>,
 }
 
@@ -65,6 +72,17 @@ struct RunLine<'a> {
     architecture: &'a str,
     seed: Option<u64>,
     epochs: usize,
+    incomplete: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct AgentLine<'a> {
+    name: &'a str,
+    state: &'a str,
+    sees_by_checkpoint: bool,
+    seed: u64,
+    steps: u64,
     incomplete: Option<&'a str>,
 }
 
@@ -108,11 +126,27 @@ impl Comparison {
             summary: summary.as_deref(),
             error: error.as_deref(),
         };
-        match Run::parse(name, &files) {
-            Ok(run) => self.runs.push(Arc::new(run)),
-            Err(why) => self.unread.push(why),
+        let read = match files.kind() {
+            RunKind::Encoder => Run::parse(name, &files).map(|run| self.runs.push(Arc::new(run))),
+            RunKind::Agent => AgentRun::parse(name, &files).map(|run| self.agents.push(run)),
+        };
+        if let Err(why) = read {
+            self.unread.push(why);
         }
         Ok(())
+    }
+
+    /// Says which checkpoints the training `name` has, by their CRC-32.
+    #[wasm_bindgen(js_name = addCheckpoints)]
+    pub fn add_checkpoints(&mut self, name: &str, best: Option<u32>, last: Option<u32>) {
+        let Some(run) = self.runs.iter().find(|run| run.name == name) else {
+            return;
+        };
+        for (crc32, weights) in [(best, Weights::Best), (last, Weights::Last)] {
+            if let Some(crc32) = crc32 {
+                self.agents.add_training(crc32, run, weights);
+            }
+        }
     }
 
     /// Adds a detector that was scored; without an architecture it is called what its name begins
@@ -151,6 +185,23 @@ impl Comparison {
         to_js(&described.collect::<Vec<_>>())
     }
 
+    /// The runs of agents, which are compared beside every data set.
+    ///
+    /// # Errors
+    /// When the translation to JavaScript fails.
+    #[wasm_bindgen(getter)]
+    pub fn agents(&self) -> JsResult<JsValue> {
+        let lines = self.agents.runs().iter().map(|run| AgentLine {
+            name: &run.name,
+            state: &run.config.state,
+            sees_by_checkpoint: run.config.checkpoint.is_some(),
+            seed: run.config.seed,
+            steps: run.evaluations.last().map_or(0, |last| last.step),
+            incomplete: run.incomplete.as_deref(),
+        });
+        to_js(&lines.collect::<Vec<_>>())
+    }
+
     /// Folders that cannot be read, with the reason.
     ///
     /// # Errors
@@ -160,7 +211,7 @@ impl Comparison {
         to_js(&self.unread)
     }
 
-    /// Compares the runs of one data set.
+    /// Compares the runs of one data set, and the agents.
     ///
     /// # Errors
     /// When an option is not understood, there is no such data set, or no run of it is complete.
@@ -184,7 +235,12 @@ impl Comparison {
             false => sets.swap_remove(options.data_set).runs,
         };
         let compared = || {
-            let runs = Runs::new(runs, &thresholds(options.thresholds)?, &grouping)?;
+            let runs = Runs::new(
+                runs,
+                &self.agents,
+                &thresholds(options.thresholds)?,
+                &grouping,
+            )?;
             let resamples = options.resamples.unwrap_or(RESAMPLES);
             let report = RunsReport::new(&runs, self.unread.clone(), resamples, options.seed)?;
             let figures = runs_figures(&runs, &report)?;
@@ -289,5 +345,17 @@ impl Compared {
     #[wasm_bindgen(js_name = errorsCsv)]
     pub fn errors_csv(&self) -> String {
         errors_csv(&self.report)
+    }
+
+    /// One line an agent.
+    #[wasm_bindgen(js_name = agentsCsv)]
+    pub fn agents_csv(&self) -> String {
+        agents_csv(&self.report)
+    }
+
+    /// One line a group of agents and step.
+    #[wasm_bindgen(js_name = successCsv)]
+    pub fn success_csv(&self) -> String {
+        success_csv(&self.report)
     }
 }

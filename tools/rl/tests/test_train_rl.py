@@ -103,6 +103,28 @@ def test_every_state_with_frames_trains(tmp_path, state):
     assert agent.observation_space.shape == (numbers,)
 
 
+def test_an_evaluation_of_the_encoder_is_kept_for_reports(tmp_path, capsys):
+    pytest.importorskip("tracklens", reason="the wheel of tracklens is not installed")
+    run, evaluation = tmp_path / "run", tmp_path / "evaluation.json"
+    objects = [{"name": "eef", "error": 0.2, "threshold": 0.1, "tracked": False}]
+    report = {"schema": "tracklens/evaluation/3", "tc": 0.0, "transform": "affine"}
+    evaluation.write_text(json.dumps({**report, "objects": objects}))
+    options = [f"--checkpoint={CHECKPOINT}", "--size=32"]
+    given = [*options, f"--evaluation={evaluation}"]
+    assert train_rl.main(arguments(run, *given, state="keypoints", steps=20)) == 0
+    assert train_rl.main(arguments(run, *options, "--resume", state="keypoints", steps=40)) == 0
+    encoder = json.loads((run / "config.json").read_text())["encoder"]
+    assert encoder["path"] == str(CHECKPOINT) and encoder["architecture"]
+    kept = {"name": "eef", "error": 0.2, "threshold": 0.1}
+    assert encoder["evaluation"] == {"tc": 0.0, "transform": "affine", "objects": [kept]}
+    evaluation.write_text("{}")
+    other = arguments(tmp_path / "other", *given, state="keypoints")
+    assert "is no evaluation" in refused(capsys, other, 3)
+    assert "belongs to keypoints" in refused(
+        capsys, arguments(tmp_path / "other", f"--evaluation={evaluation}"), 2
+    )
+
+
 def test_a_killed_run_goes_on_to_the_log_of_an_uninterrupted_one(tmp_path, whole_run):
     run = tmp_path / "run"
     process = subprocess.Popen(command(run, steps=400))

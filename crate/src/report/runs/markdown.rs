@@ -4,13 +4,13 @@ use super::statistics::RunsReport;
 use super::tables::runs_tables;
 use crate::report::draw::Figure;
 
-/// Everything as Markdown, with the figures as files in the same folder. The table of the runs is
-/// left out: `runs.csv` has them.
+/// Everything as Markdown, with the figures as files in the same folder. The tables of the runs
+/// are left out: `runs.csv` and `agents.csv` have them.
 pub fn runs_markdown(report: &RunsReport, figures: &[Figure]) -> String {
     let mut out = String::from("# Tracking over runs\n");
     for table in runs_tables(report)
         .iter()
-        .filter(|table| table.name != "runs")
+        .filter(|table| !["runs", "agents"].contains(&table.name))
     {
         out += &format!("\n## {}\n\n{}", table.caption, table.to_markdown());
     }

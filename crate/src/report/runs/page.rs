@@ -2,6 +2,7 @@
 
 use maud::html;
 
+use super::agents::agents_lead;
 use super::statistics::RunsReport;
 use super::tables::runs_tables;
 use crate::report::draw::{Figure, document, figure};
@@ -11,17 +12,26 @@ pub fn runs_page(report: &RunsReport, figures: &[Figure]) -> String {
     let not_counted: Vec<(&str, &str)> = report.not_counted().collect();
     let tables = runs_tables(report);
     // Results first, then the figures, then what they are made of.
-    let results = ["capability", "only-errors", "published", "claims"];
+    let results = [
+        "capability",
+        "only-errors",
+        "success",
+        "correlation",
+        "published",
+        "claims",
+    ];
     let (first, rest): (Vec<_>, Vec<_>) = tables
         .iter()
         .partition(|table| results.contains(&table.name));
+    let groups = report.groups.len() + report.agent_groups().len();
     let body = html! {
         p {
-            (report.complete()) " complete runs in " (report.groups.len()) " groups"
+            (report.complete()) " complete runs in " (groups) " groups"
             @if !not_counted.is_empty() { ", " (not_counted.len()) " more that " a href="#not-counted" { "do not count" } }
             "; tracklens " (report.version)
         }
         p.lead { (lead(report)) }
+        @if let Some(agents) = &report.agents { p.lead { (agents_lead(agents)) } }
         @for note in &report.notes { p.note { (note) "." } }
         @for table in first { h2 { (table.caption) } (table.to_html()) }
         h2 { "Figures" }

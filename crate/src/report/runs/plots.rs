@@ -1,61 +1,32 @@
 //! The paper's figures over many runs, as SVG by plotters.
-//!
-//! Colours are those of Okabe and Ito, which people with any kind of colour vision tell apart.
 
 use std::ops::Range;
 
-use plotters::backend::SVGBackend;
 use plotters::chart::{ChartBuilder, ChartContext};
-use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::coord::types::RangedCoordf64;
-use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
+use plotters::drawing::DrawingAreaErrorKind;
 use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color as _, IntoFont, RGBColor, ShapeStyle, TextStyle};
+use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
+use super::agents::agents_figures;
+use super::draws::SMOOTHING;
 use super::group::{Group, Runs};
+use super::panels::{
+    Area, Backend, Done, EM, FLOOR, GRID, INK, MARGIN, PANEL, color, panels, text,
+};
 use super::run::Run;
 use super::statistics::{GroupReport, RunsReport};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::metric::Object;
 use crate::metric::stats::{Sample, performance_profile, smooth};
-use crate::report::draw::{Decades, Figure, FileNames, Measured, tick};
+use crate::report::draw::{Decades, Figure, FileNames, tick};
 
-/// Standard deviation of the smoothing of curves over epochs, in epochs (paper, appendix,
-/// "Evaluation").
-const SMOOTHING: f64 = 2.5;
 /// With fewer runs than this a box plot shows every one, since quartiles of so few say little.
 const FEW: usize = 8;
-/// Values below this are drawn here on logarithmic axes.
-const FLOOR: f64 = 1e-5;
-/// Room around the values on logarithmic axes, as a factor.
-const MARGIN: f64 = 1.2;
 
-const PALETTE: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(213, 94, 0),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(90, 90, 90),
-];
-pub(super) const INK: RGBColor = RGBColor(34, 34, 34);
-const GRID: RGBColor = RGBColor(222, 222, 222);
-pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
-
-/// Height of the text in pixels.
-pub(super) const EM: i32 = 13;
-/// The size of one panel.
-const PANEL: [u32; 2] = [300, 250];
-/// Room for the legend above the panels.
-const LEGEND: u32 = 34;
-
-pub(super) type Backend<'a> = Measured<SVGBackend<'a>>;
-type Area<'a> = DrawingArea<Backend<'a>, Shift>;
-pub(super) type Done = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
 type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, Decades>>;
 
 /// All figures of the runs.
@@ -63,7 +34,10 @@ type Chart<'a, 'b, X> = ChartContext<'a, Backend<'b>, Cartesian2d<X, Decades>>;
 /// # Errors
 /// When a figure cannot be drawn, or an error in a log is not a number.
 pub fn runs_figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
-    let mut figures = vec![boxes(runs, report)?];
+    let mut figures = Vec::new();
+    if !report.groups.is_empty() {
+        figures.push(boxes(runs, report)?);
+    }
     if report.has_spread() {
         figures.insert(0, capabilities(report)?);
         figures.push(profiles(runs, report)?);
@@ -83,53 +57,10 @@ pub fn runs_figures(runs: &Runs, report: &RunsReport) -> Result<Vec<Figure>> {
     if runs.groups.iter().any(has_epochs) {
         figures.push(reconstruction(runs)?);
     }
+    if let Some(agents) = &report.agents {
+        figures.extend(agents_figures(agents)?);
+    }
     Ok(figures)
-}
-
-fn color(i: usize) -> RGBColor {
-    PALETTE[i % PALETTE.len()]
-}
-
-pub(super) fn text<'a>() -> TextStyle<'a> {
-    TextStyle::from(("sans-serif", EM).into_font()).color(&INK)
-}
-
-/// Draws on panels side by side, below room for a legend.
-fn panels(
-    count: usize,
-    width: u32,
-    height: u32,
-    legend: &[(String, RGBColor)],
-    draw: impl for<'a> Fn(usize, &Area<'a>) -> Done,
-) -> Result<String> {
-    // As long as its labels are, with their swatches and the space between them.
-    let labels: usize = legend.iter().map(|(label, _)| label.chars().count()).sum();
-    let labels = (0.55 * f64::from(EM) * labels as f64) as u32
-        + (18 + 2 * EM as u32) * (legend.len() as u32 + 1);
-    let size = ((width * count.max(1) as u32).max(labels), height + LEGEND);
-    let mut svg = String::new();
-    let mut drawn = || -> Done {
-        let area = Measured(SVGBackend::with_string(&mut svg, size)).into_drawing_area();
-        area.fill(&PAPER)?;
-        let (top, below) = area.split_vertically(LEGEND);
-        let mut left = EM;
-        for (label, color) in legend {
-            let middle = LEGEND as i32 / 2;
-            let style = ShapeStyle::from(color).filled();
-            top.draw(&Rectangle::new(
-                [(left, middle - 5), (left + 12, middle + 5)],
-                style,
-            ))?;
-            top.draw_text(label, &text(), (left + 18, middle - EM / 2))?;
-            left += 18 + top.estimate_text_size(label, &text())?.0 as i32 + 2 * EM;
-        }
-        for (i, panel) in below.split_evenly((1, count.max(1))).iter().enumerate() {
-            draw(i, panel)?;
-        }
-        area.present()
-    };
-    drawn().map_err(|e| Error::input(format!("a figure could not be drawn: {e}")))?;
-    Ok(svg)
 }
 
 /// The axis of positive values.

@@ -1,8 +1,11 @@
 //! Runs compared with published results.
 
+use std::collections::BTreeSet;
+
+use super::agents::AgentGroupReport;
 use super::reference::{
-    ClaimComparison, ClaimReport, Pair, Reference, ReferenceNumbers, ReferenceReport, ReferenceRow,
-    Statistic,
+    Claim, ClaimComparison, ClaimReport, Pair, Reference, ReferenceNumbers, ReferenceReport,
+    ReferenceRow, Statistic,
 };
 use super::statistics::{GroupReport, RunsReport};
 
@@ -14,7 +17,7 @@ impl Statistic {
             (Self::Tc, Some(name)) => found(name)?.tc,
             (Self::MeanError, Some(name)) => found(name)?.mean,
             (Self::ErrorVariance, Some(name)) => found(name)?.variance,
-            (Self::MeanError | Self::ErrorVariance, None) => None,
+            (Self::MeanError | Self::ErrorVariance, None) | (Self::Success, _) => None,
         }
     }
 }
@@ -73,49 +76,9 @@ fn compared(reference: &Reference, report: &RunsReport) -> ReferenceReport {
             objects: objects.iter().map(object).collect(),
         }
     });
-    let claims = reference.claims.iter().map(|claim| {
-        let mut missing = Vec::new();
-        let mut comparisons = Vec::new();
-        for than in &claim.than {
-            let (Some(a), Some(b)) = (group(&claim.first), group(than)) else {
-                let without = [&claim.first, than]
-                    .into_iter()
-                    .filter(|name| group(name).is_none());
-                missing.extend(without.cloned());
-                continue;
-            };
-            let each = match claim.objects.is_empty() {
-                true => vec![None],
-                false => claim
-                    .objects
-                    .iter()
-                    .map(|name| Some(name.as_str()))
-                    .collect(),
-            };
-            for object in each {
-                let values = [a, b].map(|group| claim.statistic.of(group, object));
-                let [Some(x), Some(y)] = values else { continue };
-                comparisons.push(ClaimComparison {
-                    object: object.map(str::to_owned),
-                    first: claim.first.clone(),
-                    than: than.clone(),
-                    values: [x, y],
-                    holds: match claim.statistic {
-                        Statistic::Tc => x > y,
-                        Statistic::MeanError | Statistic::ErrorVariance => x < y,
-                    },
-                });
-            }
-        }
-        missing.sort();
-        missing.dedup();
-        ClaimReport {
-            text: claim.text.clone(),
-            place: claim.place.clone(),
-            statistic: claim.statistic,
-            comparisons,
-            missing,
-        }
+    let claims = reference.claims.iter().map(|claim| match claim.statistic {
+        Statistic::Success => success_claim(claim, report.agent_groups()),
+        _ => tracking_claim(claim, &group),
     });
     ReferenceReport {
         name: reference.name.clone(),
@@ -127,7 +90,120 @@ fn compared(reference: &Reference, report: &RunsReport) -> ReferenceReport {
     }
 }
 
-/// Runs and epochs in a sentence.
+/// Tests a claim about architectures by their tracking; `group` finds that of an architecture.
+fn tracking_claim<'a>(
+    claim: &Claim,
+    group: &impl Fn(&str) -> Option<&'a GroupReport>,
+) -> ClaimReport {
+    let mut missing = Vec::new();
+    let mut comparisons = Vec::new();
+    for (first, than) in pairs(claim) {
+        let (Some(a), Some(b)) = (group(first), group(than)) else {
+            let without = [first, than]
+                .into_iter()
+                .filter(|name| group(name).is_none());
+            missing.extend(without.map(str::to_owned));
+            continue;
+        };
+        let objects = claim.objects.iter().map(|name| Some(name.as_str()));
+        let each: Vec<Option<&str>> = match claim.objects.is_empty() {
+            true => vec![None],
+            false => objects.collect(),
+        };
+        for object in each {
+            let values = [a, b].map(|group| claim.statistic.of(group, object));
+            let [Some(x), Some(y)] = values else { continue };
+            comparisons.push(ClaimComparison {
+                object: object.map(str::to_owned),
+                first: first.to_owned(),
+                than: than.to_owned(),
+                values: [x, y],
+                holds: match claim.statistic {
+                    Statistic::Tc | Statistic::Success => x > y,
+                    Statistic::MeanError | Statistic::ErrorVariance => x < y,
+                },
+            });
+        }
+    }
+    tested(claim, comparisons, missing)
+}
+
+/// Tests a claim about the success of agents: that of one over others, or that it follows the TC of
+/// their encoders. Agents at different tasks are not compared.
+fn success_claim(claim: &Claim, groups: &[AgentGroupReport]) -> ClaimReport {
+    let state = claim.state.as_deref();
+    let with_encoder = |group: &&AgentGroupReport| group.state.as_deref() == state;
+    let mut missing = Vec::new();
+    let mut compared: Vec<[&AgentGroupReport; 2]> = Vec::new();
+    if claim.first.is_none() {
+        let shown: Vec<_> = groups.iter().filter(with_encoder).collect();
+        let tc = |group: &AgentGroupReport| group.tc.unwrap_or(f64::NAN);
+        for a in &shown {
+            let lower = shown.iter().filter(|b| tc(a) > tc(b));
+            compared.extend(lower.map(|b| [*a, *b]));
+        }
+    }
+    let named = |name: &str| {
+        let is = |group: &&AgentGroupReport| match &group.architecture {
+            Some(architecture) => architecture == name && with_encoder(group),
+            None => group.state.as_deref() == Some(name),
+        };
+        let mut found = groups.iter().filter(|group| group.complete > 0).filter(is);
+        found.next().filter(|_| found.next().is_none())
+    };
+    for (first, than) in pairs(claim) {
+        match (named(first), named(than)) {
+            (Some(a), Some(b)) => compared.push([a, b]),
+            _ => {
+                let without = [first, than]
+                    .into_iter()
+                    .filter(|name| named(name).is_none());
+                missing.extend(without.map(str::to_owned));
+            }
+        }
+    }
+    let comparison = |[a, b]: [&AgentGroupReport; 2]| {
+        let (x, y) = (a.success?, b.success?);
+        let told = |group: &AgentGroupReport| match group.tc {
+            Some(tc) => format!("{} (TC {tc:.3})", group.name),
+            None => group.name.clone(),
+        };
+        (a.task == b.task).then(|| ClaimComparison {
+            object: None,
+            first: told(a),
+            than: told(b),
+            values: [x, y],
+            holds: x > y,
+        })
+    };
+    let comparisons = compared.into_iter().filter_map(comparison).collect();
+    tested(claim, comparisons, missing)
+}
+
+/// What a claim says is better, with everything that it is better than.
+fn pairs(claim: &Claim) -> impl Iterator<Item = (&str, &str)> {
+    let first = claim.first.as_deref();
+    let than = claim.than.iter().map(String::as_str);
+    than.filter_map(move |than| Some((first?, than)))
+}
+
+fn tested(
+    claim: &Claim,
+    comparisons: Vec<ClaimComparison>,
+    mut missing: Vec<String>,
+) -> ClaimReport {
+    missing.sort();
+    missing.dedup();
+    ClaimReport {
+        text: claim.text.clone(),
+        place: claim.place.clone(),
+        statistic: claim.statistic,
+        comparisons,
+        missing,
+    }
+}
+
+/// Runs and epochs, agents and their steps, in a sentence.
 fn own_setting(report: &RunsReport) -> String {
     let range = |values: Vec<usize>| {
         let (low, high) = (values.iter().min(), values.iter().max());
@@ -145,9 +221,31 @@ fn own_setting(report: &RunsReport) -> String {
         true => String::new(),
         false => format!(", inputs of {} px", settings.join(" and ")),
     };
-    format!(
-        "{} runs an architecture, {} epochs{input}",
-        range(counted().map(|group| group.complete).collect()),
-        range(counted().map(|group| group.epochs as usize).collect()),
-    )
+    let trained = || {
+        format!(
+            "{} runs an architecture, {} epochs{input}",
+            range(counted().map(|group| group.complete).collect()),
+            range(counted().map(|group| group.epochs as usize).collect()),
+        )
+    };
+    let agents = || {
+        report
+            .agent_groups()
+            .iter()
+            .filter(|group| group.complete > 0)
+    };
+    let tasks: BTreeSet<&str> = agents().filter_map(|group| group.task.as_deref()).collect();
+    let learned = || {
+        format!(
+            "{} agents a group, {} steps of {}",
+            range(agents().map(|group| group.complete).collect()),
+            range(agents().map(|group| group.steps as usize).collect()),
+            tasks.iter().copied().collect::<Vec<_>>().join(" and "),
+        )
+    };
+    let parts = [
+        (counted().next().is_some()).then(trained),
+        (agents().next().is_some()).then(learned),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }

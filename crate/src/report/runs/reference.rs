@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
+
 /// Published results: what `tracklens report --reference` reads (TOML).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -32,7 +34,8 @@ pub struct ReferenceNumbers {
     pub objects: BTreeMap<String, f64>,
 }
 
-/// The claim that one architecture is better than others.
+/// The claim that one architecture is better than others, or of success also a state, or that the
+/// order by TC is that by success.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
@@ -45,10 +48,43 @@ pub struct Claim {
     /// The objects that it is about. Without any it is about the mean TC of all objects.
     #[serde(default)]
     pub objects: Vec<String>,
-    /// The architecture that is better.
-    pub first: String,
-    /// The architectures that it is better than, each of them.
+    /// What agents see, where it is about their success.
+    pub state: Option<String>,
+    /// The architecture that is better; of success also a state without keypoints, as `full`.
+    /// Without one the claim is that encoders with a higher TC lead to a higher success.
+    pub first: Option<String>,
+    /// What it is better than, each of them.
+    #[serde(default)]
     pub than: Vec<String>,
+}
+
+impl Reference {
+    /// Checks what a claim needs.
+    ///
+    /// # Errors
+    /// Names the claim, and what is missing or too much.
+    pub fn validate(&self) -> Result<()> {
+        for claim in &self.claims {
+            let is_success = claim.statistic == Statistic::Success;
+            let wrong = match (&claim.first, claim.than.is_empty()) {
+                (Some(_), true) => "has `first` and no `than`, which it is better than",
+                (None, false) => "has `than` and no `first`, which is better",
+                (None, true) if !is_success => "has no `first` and `than`, which it compares",
+                _ if is_success && claim.state.is_none() => {
+                    "is about success and has no `state`, e.g. state = \"keypoints\""
+                }
+                _ if !is_success && claim.state.is_some() => {
+                    "has a `state` and is not about success"
+                }
+                _ => continue,
+            };
+            return Err(Error::input(format!(
+                "the claim \"{}\" {wrong}",
+                claim.text
+            )));
+        }
+        Ok(())
+    }
 }
 
 /// A statistic of a group that can be better or worse.
@@ -61,6 +97,8 @@ pub enum Statistic {
     MeanError,
     /// Variance of the tracking errors; less is better.
     ErrorVariance,
+    /// Success of agents at the end; more is better.
+    Success,
 }
 
 /// Published numbers and those of a [`RunsReport`](super::RunsReport).
@@ -116,7 +154,7 @@ pub struct ClaimReport {
     pub statistic: Statistic,
     /// The comparisons, one for each pair of architectures and object.
     pub comparisons: Vec<ClaimComparison>,
-    /// Architectures without runs.
+    /// What has no runs.
     pub missing: Vec<String>,
 }
 
@@ -125,9 +163,9 @@ pub struct ClaimReport {
 pub struct ClaimComparison {
     /// The object; null for all.
     pub object: Option<String>,
-    /// The architecture that is claimed to be better.
+    /// What is claimed to be better.
     pub first: String,
-    /// The architecture that is claimed to be worse.
+    /// What is claimed to be worse.
     pub than: String,
     /// The values of the two.
     pub values: [f64; 2],
@@ -160,6 +198,7 @@ impl Statistic {
             Self::Tc => "mean TC",
             Self::MeanError => "mean error",
             Self::ErrorVariance => "variance of the error",
+            Self::Success => "success",
         }
     }
 }

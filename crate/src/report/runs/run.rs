@@ -1,8 +1,11 @@
 //! One run, by what its folder holds.
 
+use serde::de::DeserializeOwned;
+
+use crate::error::Error;
 use crate::evaluation::EvaluationReport;
 use crate::metric::Transform;
-use crate::run::{RunConfig, RunFiles, TrainSummary, read_log};
+use crate::run::{EpochLog, RunConfig, RunFiles, TrainSummary, read_log};
 
 /// One run: a training, or a detector that was scored as it is.
 #[derive(Debug, Clone)]
@@ -17,6 +20,8 @@ pub struct Run {
     pub objects: Vec<String>,
     /// Its epochs, as far as the log can be read; empty for a detector that was scored.
     pub epochs: Vec<Epoch>,
+    /// The epoch, counted from 1, with the lowest validation loss; `None` where that is not known.
+    pub best_epoch: Option<u32>,
     /// The metric in full, after the last epoch.
     pub evaluation: Option<EvaluationReport>,
     /// Why it does not count; `None` for a complete run.
@@ -51,34 +56,13 @@ impl Run {
     /// When there is no configuration, or the configuration or the summary is not what a run
     /// writes.
     pub fn parse(name: &str, files: &RunFiles) -> Result<Self, Unread> {
-        let failed = files.error.map(|error| {
-            let text = String::from_utf8_lossy(error);
-            format!(
-                "it failed: {}",
-                text.trim().lines().next().unwrap_or_default()
-            )
-        });
-        let unread = |reason: String| Unread {
-            name: name.to_owned(),
-            reason,
-        };
-        let wrong =
-            |file: &str, e: &serde_json::Error| unread(format!("{file} cannot be read: {e}"));
-        let Some(config) = files.config else {
-            let missing = || match files.log.or(files.summary) {
-                Some(_) => "config.json is missing".to_owned(),
-                None => "config.json is missing: it ended before it began to train".to_owned(),
-            };
-            return Err(unread(failed.unwrap_or_else(missing)));
-        };
-        let config: RunConfig =
-            serde_json::from_slice(config).map_err(|e| wrong("config.json", &e))?;
-        let summary: Option<TrainSummary> = files
+        let failed = failure(files);
+        let config: RunConfig = read_json(name, "config.json", config_of(name, files)?)?;
+        let summary = files
             .summary
-            .map(serde_json::from_slice)
-            .transpose()
-            .map_err(|e| wrong("summary.json", &e))?;
-        let (log, broken) = read_log(files.log.unwrap_or_default());
+            .map(|bytes| read_json(name, "summary.json", bytes));
+        let summary: Option<TrainSummary> = summary.transpose()?;
+        let (log, broken) = read_log::<EpochLog>(files.log.unwrap_or_default());
         let epochs: Vec<Epoch> = log
             .iter()
             .map(|epoch| {
@@ -96,23 +80,15 @@ impl Run {
         let whole = summary
             .as_ref()
             .is_some_and(|summary| !summary.interrupted && epochs.len() as u32 >= planned);
-        let incomplete = match broken {
-            Some(error) => Some(format!(
-                "its log breaks off ({error}), after epoch {}",
-                epochs.len()
-            )),
-            None if whole => None,
-            None => Some(match failed {
-                Some(failed) => format!("{failed}, after epoch {} of {planned}", epochs.len()),
-                None => format!("it stopped after epoch {} of {planned}", epochs.len()),
-            }),
-        };
+        let so_far = format!("epoch {} of {planned}", epochs.len());
+        let incomplete = incomplete(broken, whole, failed, &so_far);
         Ok(Self {
             name: name.to_owned(),
             architecture: config.train.sae.name(),
             seed: Some(config.train.seed),
             objects: config.objects.clone(),
             epochs,
+            best_epoch: summary.as_ref().map(|summary| summary.best_epoch),
             evaluation: summary.and_then(|summary| summary.evaluation),
             incomplete,
             config: Some(config),
@@ -128,6 +104,7 @@ impl Run {
             seed: None,
             objects: evaluation.objects.iter().map(|o| o.name.clone()).collect(),
             epochs: Vec::new(),
+            best_epoch: None,
             evaluation: Some(evaluation),
             incomplete: None,
             config: None,
@@ -178,6 +155,54 @@ impl Run {
             }
         }
         settings
+    }
+}
+
+/// Why the last attempt of a run of a sweep failed, in words.
+pub(super) fn failure(files: &RunFiles) -> Option<String> {
+    files.error.map(|error| {
+        let text = String::from_utf8_lossy(error);
+        let first = text.trim().lines().next().unwrap_or_default();
+        format!("it failed: {first}")
+    })
+}
+
+/// The configuration of the run `name`, which it cannot be read without.
+pub(super) fn config_of<'a>(name: &str, files: &RunFiles<'a>) -> Result<&'a [u8], Unread> {
+    let missing = || match files.log.or(files.summary) {
+        Some(_) => "config.json is missing".to_owned(),
+        None => "config.json is missing: it ended before it began to train".to_owned(),
+    };
+    files.config.ok_or_else(|| Unread {
+        name: name.to_owned(),
+        reason: failure(files).unwrap_or_else(missing),
+    })
+}
+
+/// A file of the run `name`.
+pub(super) fn read_json<T: DeserializeOwned>(
+    name: &str,
+    file: &str,
+    bytes: &[u8],
+) -> Result<T, Unread> {
+    serde_json::from_slice(bytes).map_err(|e| Unread {
+        name: name.to_owned(),
+        reason: format!("{file} cannot be read: {e}"),
+    })
+}
+
+/// Why a run does not count that has come `so_far`, e.g. `epoch 3 of 4`; `None` for a whole one.
+pub(super) fn incomplete(
+    broken_log: Option<Error>,
+    is_whole: bool,
+    failed: Option<String>,
+    so_far: &str,
+) -> Option<String> {
+    match (broken_log, failed) {
+        (Some(error), _) => Some(format!("its log breaks off ({error}), after {so_far}")),
+        (None, _) if is_whole => None,
+        (None, Some(failed)) => Some(format!("{failed}, after {so_far}")),
+        (None, None) => Some(format!("it stopped after {so_far}")),
     }
 }
 

@@ -4,17 +4,16 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::agents::{AgentGroupReport, AgentsReport};
+use super::draws::{Draws, average, mean};
 use super::group::{Group, Runs};
 use super::reference::ReferenceReport;
 use super::run::{Run, Unread};
 use crate::error::Result;
 use crate::metric::Object;
 use crate::metric::stats::{
-    Sample, probability_of_improvement, quantile_window_mean, stratified_interval, trimmed_mean,
+    Sample, probability_of_improvement, quantile_window_mean, trimmed_mean,
 };
-
-/// The share of resamples between the ends of an interval.
-const LEVEL: f64 = 0.95;
 
 /// All values in the tables and figures (schema `tracklens/report/1`).
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -31,6 +30,9 @@ pub struct RunsReport {
     /// The probability, for each object, that a run of one group has a lower error than one of
     /// another.
     pub improvement: Vec<ImprovementReport>,
+    /// The agents, where there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub agents: Option<AgentsReport>,
     /// Run folders that cannot be read; they belong to no group.
     pub unread: Vec<Unread>,
     /// Cautions about comparing the groups.
@@ -146,11 +148,15 @@ impl RunsReport {
     /// # Errors
     /// When an error in a log is not a number.
     pub fn new(runs: &Runs, unread: Vec<Unread>, resamples: usize, seed: u64) -> Result<Self> {
-        let groups: Vec<GroupReport> = runs
-            .groups
-            .iter()
-            .map(|group| GroupReport::new(group, &runs.objects, Draws { resamples, seed }))
+        let draws = Draws { resamples, seed };
+        let groups = runs.groups.iter();
+        let groups: Vec<GroupReport> = groups
+            .map(|group| GroupReport::new(group, &runs.objects, draws))
             .collect::<Result<_>>()?;
+        let agents = (!runs.agents.is_empty()).then(|| AgentsReport::new(&runs.agents, draws));
+        let agents = agents.transpose()?;
+        let mut notes = notes(runs);
+        notes.extend(agents.iter().flat_map(AgentsReport::notes));
         let mut improvement = Vec::new();
         for (k, object) in runs.objects.iter().enumerate() {
             let errors = |group: &GroupReport| {
@@ -183,8 +189,9 @@ impl RunsReport {
             ),
             groups,
             improvement,
+            agents,
             unread,
-            notes: notes(runs),
+            notes,
             reference: None,
         })
     }
@@ -196,7 +203,13 @@ impl RunsReport {
 
     /// The number of complete runs.
     pub fn complete(&self) -> usize {
-        self.groups.iter().map(|group| group.complete).sum()
+        let agents = self.agent_groups().iter().map(|group| group.complete);
+        agents.chain(self.groups.iter().map(|g| g.complete)).sum()
+    }
+
+    /// The groups of agents.
+    pub fn agent_groups(&self) -> &[AgentGroupReport] {
+        self.agents.as_ref().map_or(&[], |agents| &agents.groups)
     }
 
     /// Whether a group has more than one run. Otherwise statistics over runs say nothing that the
@@ -208,8 +221,11 @@ impl RunsReport {
     /// The names of runs that do not count, with the reason.
     pub fn not_counted(&self) -> impl Iterator<Item = (&str, &str)> {
         let incomplete = self.groups.iter().flat_map(|group| &group.incomplete);
+        let agents = self.agent_groups().iter();
+        let agents = agents.flat_map(|group| &group.incomplete);
         incomplete
             .map(|run| (run.name.as_str(), run.reason.as_str()))
+            .chain(agents.map(|run| (run.name.as_str(), run.reason.as_str())))
             .chain(
                 self.unread
                     .iter()
@@ -278,38 +294,6 @@ impl ObjectRunsReport {
     pub(super) fn is_tracked(&self, error: Option<f64>) -> bool {
         error.is_some_and(|error| error <= self.threshold)
     }
-}
-
-/// How intervals are drawn.
-#[derive(Debug, Clone, Copy)]
-struct Draws {
-    resamples: usize,
-    seed: u64,
-}
-
-impl Draws {
-    /// The interval of a statistic of `values`; a single value has none.
-    fn interval(
-        self,
-        values: &[f64],
-        statistic: impl Fn(&[f64]) -> Result<f64>,
-    ) -> Result<Option<[f64; 2]>> {
-        if values.len() < 2 {
-            return Ok(None);
-        }
-        let strata = [values.to_vec()];
-        let statistic = |drawn: &[Vec<f64>]| statistic(&drawn[0]);
-        stratified_interval(&strata, self.resamples, LEVEL, self.seed, statistic).map(Some)
-    }
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-/// The mean of values that are drawn, of which there is at least one.
-fn average(values: &[f64]) -> Result<f64> {
-    Ok(mean(values).unwrap_or(f64::NAN))
 }
 
 impl RunReport {

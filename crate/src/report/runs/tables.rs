@@ -1,5 +1,6 @@
 //! The tables of many runs.
 
+use super::agents::agents_tables;
 use super::reference::{ClaimReport, Pair, ReferenceReport};
 use super::statistics::{GroupReport, ObjectRunsReport, RunReport, RunsReport};
 use crate::report::{Cell, Column, Emphasis, Number, Precision, Table};
@@ -11,19 +12,28 @@ const ERROR: Precision = Precision::Fixed(4);
 /// Digits of capabilities.
 const CAPABILITY: Precision = Precision::Fixed(3);
 
-/// Every table of the report: capabilities and errors (or, where every group has one run at most,
-/// their errors), probabilities of improvement, the runs, and the comparison with published results.
+/// Every table of the report: of trainings and detectors capabilities and errors (or, where every
+/// group has one run at most, their errors), probabilities of improvement and the runs; of agents
+/// their success beside the tracking of their encoders; and the comparison with published results.
 pub fn runs_tables(report: &RunsReport) -> Vec<Table> {
-    let mut tables = match report.has_spread() {
-        true => vec![capabilities(report), errors(report)],
-        false => vec![only_errors(report)],
-    };
-    if report.has_spread() && !report.improvement.is_empty() {
-        tables.push(improvement(report));
+    let mut tables = Vec::new();
+    if !report.groups.is_empty() {
+        tables.extend(match report.has_spread() {
+            true => vec![capabilities(report), errors(report)],
+            false => vec![only_errors(report)],
+        });
+        if report.has_spread() && !report.improvement.is_empty() {
+            tables.push(improvement(report));
+        }
+        tables.push(runs(report));
     }
-    tables.push(runs(report));
+    if let Some(agents) = &report.agents {
+        tables.extend(agents_tables(agents, &report.intervals));
+    }
     if let Some(reference) = &report.reference {
-        tables.push(published(report, reference));
+        if !report.groups.is_empty() {
+            tables.push(published(report, reference));
+        }
         if !reference.claims.is_empty() {
             tables.push(claims(reference));
         }

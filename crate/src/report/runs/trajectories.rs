@@ -9,7 +9,7 @@ use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::style::{Color as _, IntoFont as _, RGBColor, ShapeStyle, TextStyle};
 
-use super::plots::{Backend, Done, EM, INK, PAPER, text};
+use super::panels::{Backend, Done, EM, INK, PAPER, text};
 use crate::error::{Error, Result};
 use crate::report::draw::{Figure, Measured};
 
