@@ -5,6 +5,8 @@ mod agent_runs;
 #[path = "../shared/runs.rs"]
 mod runs;
 
+#[cfg(all(feature = "train", unix))]
+mod agent_sweep;
 mod agents;
 mod binary;
 mod cli;

@@ -9,7 +9,7 @@ import os
 import platform
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -47,12 +47,12 @@ class RunFolder:
         self.summary = path / "summary.json"
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Makes the folder and keeps other processes off it."""
+    def locked(self, *, is_held: bool = False) -> Iterator[None]:
+        """Makes the folder and keeps other processes off it, unless who started this does so."""
         lock = self.path / "lock"
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            with filelock.FileLock(lock, timeout=0):
+            with nullcontext() if is_held else filelock.FileLock(lock, timeout=0):
                 for left_over in self.path.glob(".tracklens-*.tmp"):
                     left_over.unlink()
                 yield

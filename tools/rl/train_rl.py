@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import importlib.util
+import json
 import os
 import signal
 import sys
@@ -293,6 +294,28 @@ SETTINGS: dict[str, tuple[Callable[[str], Any], str, str]] = {
 """The options that a protocol has a value for."""
 
 
+OF_A_SWEEP = ["state", "seed", "checkpoint", "evaluation", "out", "resume", "threads", "lock_held"]
+"""What `tracklens sweep` decides itself."""
+
+
+def names(actions: list[argparse.Action]) -> list[str]:
+    """Options without their dashes."""
+    return [action.option_strings[-1].removeprefix("--") for action in actions]
+
+
+class ShowOptions(argparse.Action):
+    """Says as JSON what a sweep file may give, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Prints it."""
+        own = [a for a in parser._actions if a.dest not in ["help", "options", *OF_A_SWEEP]]
+        switches = [action for action in own if action.nargs == 0]
+        values = [action for action in own if action.nargs != 0]
+        told = {"states": list(STATES), "values": names(values), "switches": names(switches)}
+        print(json.dumps(told))
+        parser.exit()
+
+
 def arguments() -> argparse.ArgumentParser:
     """The options of the command."""
     parser = argparse.ArgumentParser(
@@ -331,6 +354,17 @@ def arguments() -> argparse.ArgumentParser:
         "--resume",
         action="store_true",
         help="go on with the run in RUN after what it saved last; start it where there is none",
+    )
+    parser.add_argument(
+        "--lock-held",
+        action="store_true",
+        help="who starts this has the lock of RUN (tracklens sweep)",
+    )
+    parser.add_argument(
+        "--options",
+        action=ShowOptions,
+        nargs=0,
+        help="say as JSON what a sweep file may give, and end",
     )
     parser.add_argument(
         "--processes", action="store_true", help="an environment a process; changes no result"
@@ -412,7 +446,7 @@ def train(options: argparse.Namespace, cancelled: list[int]) -> None:
     }
     torch.set_num_threads(options.threads)
     folder = RunFolder(options.out)
-    with folder.locked():
+    with folder.locked(is_held=options.lock_held):
         folder.start(config, about)
         venvs = [
             agent.environments(config, count, encoder, processes=options.processes)

@@ -7,7 +7,10 @@ use serde::Serialize;
 
 use crate::atomic;
 use crate::error::{Error, Result};
-use crate::run::{ERROR, LOCK, LOG, SUMMARY, TrainSummary, partial_folder};
+use crate::run::{
+    AgentEvaluation, AgentSummary, ERROR, LOCK, LOG, SUMMARY, TrainSummary, partial_folder,
+    read_log,
+};
 use crate::train::{RunLock, holder};
 
 /// Where a run is while it is worked on, and when it is complete.
@@ -17,6 +20,33 @@ pub struct RunPlace {
     pub finished: PathBuf,
     /// The run that is not complete.
     pub partial: PathBuf,
+}
+
+/// How far a run is, or is to come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Progress {
+    /// Whole epochs of a training.
+    Epochs(u64),
+    /// Steps of an agent, up to its last evaluation.
+    Steps(u64),
+}
+
+impl Progress {
+    /// The number of epochs or steps.
+    pub fn count(self) -> u64 {
+        match self {
+            Self::Epochs(count) | Self::Steps(count) => count,
+        }
+    }
+
+    /// What is counted.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Epochs(_) => "epoch",
+            Self::Steps(_) => "step",
+        }
+    }
 }
 
 /// What state a run is in.
@@ -29,20 +59,23 @@ pub enum State {
     Running {
         /// The process, as it names itself.
         holder: String,
-        /// Whole epochs so far.
-        epochs: u64,
+        /// How far it is.
+        #[serde(flatten)]
+        done: Progress,
     },
     /// The last attempt ended with an error.
     Failed {
         /// The error.
         error: String,
-        /// Whole epochs so far.
-        epochs: u64,
+        /// How far it is.
+        #[serde(flatten)]
+        done: Progress,
     },
     /// Started, and ended from outside: killed, out of time, the machine switched off.
     Stopped {
-        /// Whole epochs so far.
-        epochs: u64,
+        /// How far it is.
+        #[serde(flatten)]
+        done: Progress,
     },
     /// Not started.
     Missing,
@@ -65,64 +98,70 @@ impl RunPlace {
         }
     }
 
-    /// What state the run is in, when it is to have `epochs` epochs. A run with a file that cannot
-    /// be read has failed, with the reason.
-    pub fn state(&self, epochs: u32) -> State {
-        self.read_state(epochs).unwrap_or_else(|e| State::Failed {
+    /// What state the run is in, when it is to come to `goal`. A run with a file that cannot be read
+    /// has failed, with the reason.
+    pub fn state(&self, goal: Progress) -> State {
+        self.read_state(goal).unwrap_or_else(|e| State::Failed {
             error: e.to_string(),
-            epochs: self.epochs(),
+            done: self.done(goal),
         })
     }
 
-    fn read_state(&self, epochs: u32) -> Result<State> {
-        if self.is_complete(epochs)? {
+    fn read_state(&self, goal: Progress) -> Result<State> {
+        if self.is_complete(goal)? {
             return Ok(State::Done);
         }
-        let so_far = self.epochs();
+        let done = self.done(goal);
         if !self.partial.exists() {
-            return Ok(match so_far {
+            return Ok(match done.count() {
                 0 => State::Missing,
-                epochs => State::Stopped { epochs },
+                _ => State::Stopped { done },
             });
         }
         if let Some(holder) = holder(&self.partial)? {
-            return Ok(State::Running {
-                holder,
-                epochs: so_far,
-            });
+            return Ok(State::Running { holder, done });
         }
         // Between the two looks it may have become complete.
-        if self.is_complete(epochs)? {
+        if self.is_complete(goal)? {
             return Ok(State::Done);
         }
         Ok(match fs::read_to_string(self.partial.join(ERROR)) {
             Ok(error) => State::Failed {
                 error: error.trim_end().to_owned(),
-                epochs: so_far,
+                done,
             },
-            Err(_) => State::Stopped { epochs: so_far },
+            Err(_) => State::Stopped { done },
         })
     }
 
-    /// Whole epochs in the log.
-    pub fn epochs(&self) -> u64 {
+    /// How far the log is of a run that is to come to `goal`.
+    pub fn done(&self, goal: Progress) -> Progress {
         let log = fs::read(self.partial.join(LOG)).or_else(|_| fs::read(self.finished.join(LOG)));
-        log.map_or(0, |log| log.iter().filter(|b| **b == b'\n').count() as u64)
+        let log = log.unwrap_or_default();
+        match goal {
+            Progress::Epochs(_) => {
+                Progress::Epochs(log.iter().filter(|b| **b == b'\n').count() as u64)
+            }
+            Progress::Steps(_) => {
+                let (evaluations, _) = read_log::<AgentEvaluation>(&log);
+                Progress::Steps(evaluations.last().map_or(0, |last| last.step))
+            }
+        }
     }
 
-    /// Takes the run, which is to have `epochs` epochs, to work on it in [`RunPlace::partial`];
-    /// nothing when it is complete. A run that is complete with fewer epochs is taken up again.
+    /// Takes the run, which is to come to `goal`, to work on it in [`RunPlace::partial`]; nothing
+    /// when it is complete. A run that is complete with less is taken up again.
     ///
     /// # Errors
     /// When somebody else has it (with who), or the folder cannot be written.
-    pub fn claim(&self, epochs: u32) -> Result<Option<Claim>> {
-        if self.is_complete(epochs)? {
+    pub fn claim(&self, goal: Progress) -> Result<Option<Claim>> {
+        if self.is_complete(goal)? {
             return Ok(None);
         }
         let lock = RunLock::take(&self.partial)?;
         let failed = |e: std::io::Error| Error::io(self.partial.display(), &e);
         // Whoever had the lock may have completed the run in the meantime.
-        if self.is_complete(epochs)? {
+        if self.is_complete(goal)? {
             if !self.partial.join(LOG).exists() {
                 fs::remove_dir_all(&self.partial).map_err(failed)?;
             }
@@ -157,18 +196,27 @@ impl RunPlace {
         fs::remove_dir(&self.finished).map_err(failed)
     }
 
-    fn is_complete(&self, epochs: u32) -> Result<bool> {
+    fn is_complete(&self, goal: Progress) -> Result<bool> {
         let path = self.finished.join(SUMMARY);
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
             Err(e) => return Err(Error::io(path.display(), &e)),
         };
-        let summary: TrainSummary = serde_json::from_slice(&bytes).map_err(|e| {
+        let wrong = |e: serde_json::Error| {
             let remedy = "delete the folder of the run to train it again";
             Error::input(format!("cannot be read ({e}); {remedy}")).at(path.display())
-        })?;
-        Ok(summary.epochs >= epochs)
+        };
+        Ok(match goal {
+            Progress::Epochs(goal) => {
+                let summary: TrainSummary = serde_json::from_slice(&bytes).map_err(wrong)?;
+                u64::from(summary.epochs) >= goal
+            }
+            Progress::Steps(goal) => {
+                let summary: AgentSummary = serde_json::from_slice(&bytes).map_err(wrong)?;
+                summary.steps >= goal
+            }
+        })
     }
 }
 

@@ -1,12 +1,10 @@
 //! Sweep files, and the plans that are made of them.
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
 
+use super::reader::{Reader, Setting, Value, find, nearest, need};
 use crate::checkpoint::SaeConfig;
 use crate::error::{Error, Result};
 
@@ -19,26 +17,6 @@ const TOP: [&str; 7] = [
     "architecture",
     "variants",
 ];
-
-/// An option of a training that a sweep file may give.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Setting {
-    /// Its name on the command line, without the dashes.
-    pub name: String,
-    /// What its value is.
-    pub kind: SettingKind,
-}
-
-/// What the value of a [`Setting`] is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SettingKind {
-    /// There or not.
-    Switch,
-    /// A number, a text or a list of them.
-    Value,
-    /// A file, relative to the sweep file.
-    Path,
-}
 
 /// What a sweep file asks for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -63,7 +41,10 @@ pub struct SweepFile {
 pub struct PlannedRun {
     /// Its name, and its folder in the folder of the sweep: `basic/seed-03`.
     pub run: String,
-    /// The arguments of `tracklens train`, but for `--out`.
+    /// The program that trains an agent, with its first arguments; empty for `tracklens train`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub program: Vec<String>,
+    /// The arguments of `tracklens train` or of the program, but for `--out`.
     pub arguments: Vec<String>,
 }
 
@@ -124,6 +105,7 @@ impl SweepFile {
                     }
                     runs.push(PlannedRun {
                         run: format!("{group}/seed-{seed:0digits$}"),
+                        program: Vec::new(),
                         arguments: deduplicated(arguments),
                     });
                 }
@@ -214,43 +196,16 @@ impl Plan {
     }
 }
 
-struct Reader<'a> {
-    text: &'a str,
-    folder: &'a Path,
-    settings: &'a [Setting],
-}
-
-type Value<'i> = Spanned<DeValue<'i>>;
-
 impl Reader<'_> {
     fn file(&self) -> Result<SweepFile> {
-        let table = DeTable::parse(self.text).map_err(|e| {
-            let message = e.message().to_owned();
-            match e.span() {
-                Some(span) => self.wrong(&span, message),
-                None => Error::input(message),
-            }
-        })?;
-        let table = table.get_ref();
-        for key in table.keys() {
-            if !TOP.contains(&key.get_ref().as_ref()) {
-                return Err(self.unknown("key", key, TOP.iter().copied()));
-            }
-        }
-        let need = |name: &str| {
-            let found = table.iter().find(|(key, _)| key.get_ref() == name);
-            found.map(|(_, value)| value)
-        };
-        let missing = |name: &str, example: &str| {
-            Error::input(format!("`{name}` is missing; expected e.g. {example}"))
-        };
-        let data = need("data").ok_or_else(|| missing("data", "data = \"recording\""))?;
-        let architectures = need("architectures")
-            .ok_or_else(|| missing("architectures", "architectures = [\"basic\"]"))?;
-        let seeds = need("seeds").ok_or_else(|| missing("seeds", "seeds = \"0-23\""))?;
+        let table = &self.top()?;
+        self.check_keys(table, &TOP)?;
+        let data = need(table, "data", "data = \"recording\"")?;
+        let architectures = need(table, "architectures", "architectures = [\"basic\"]")?;
+        let seeds = need(table, "seeds", "seeds = \"0-23\"")?;
         let architectures = self.architectures(architectures)?;
         let mut architecture = Vec::new();
-        if let Some(value) = need("architecture") {
+        if let Some(value) = find(table, "architecture") {
             for (key, value) in self.table(value)? {
                 let name = key.get_ref().as_ref();
                 if !architectures.iter().any(|a| a == name) {
@@ -263,19 +218,19 @@ impl Reader<'_> {
                 architecture.push((name.to_owned(), self.arguments(value, &[])?));
             }
         }
-        let variants = match need("variants") {
+        let variants = match find(table, "variants") {
             Some(value) => self.variants(value)?,
             None => vec![(None, Vec::new())],
         };
         Ok(SweepFile {
             data: self.folder.join(self.string(data)?),
-            out: self.folder.join(match need("out") {
+            out: self.folder.join(match find(table, "out") {
                 Some(value) => self.string(value)?,
                 None => "runs",
             }),
             architectures,
             seeds: self.seeds(seeds)?,
-            train: match need("train") {
+            train: match find(table, "train") {
                 Some(value) => self.arguments(value, &[])?,
                 None => Vec::new(),
             },
@@ -298,37 +253,6 @@ impl Reader<'_> {
             return Err(self.wrong(&value.span(), "no architecture is given"));
         }
         Ok(names)
-    }
-
-    /// `"0-23"`, one number, or a list of numbers.
-    fn seeds(&self, value: &Value) -> Result<Vec<u64>> {
-        let wrong = || {
-            self.wrong(
-                &value.span(),
-                "expected seeds such as \"0-23\" or [0, 1, 2], none of them twice",
-            )
-        };
-        let number = |value: &Value| integer(value).ok_or_else(wrong);
-        let mut seeds = match value.get_ref() {
-            DeValue::Array(values) => values.iter().map(number).collect::<Result<Vec<u64>>>()?,
-            DeValue::String(range) => {
-                let (first, last) = range.split_once('-').ok_or_else(wrong)?;
-                let parse = |digits: &str| digits.trim().parse::<u64>().map_err(|_| wrong());
-                let (first, last) = (parse(first)?, parse(last)?);
-                if last.saturating_sub(first) >= 1_000_000 {
-                    return Err(wrong());
-                }
-                (first..=last).collect()
-            }
-            _ => vec![number(value)?],
-        };
-        let count = seeds.len();
-        seeds.sort_unstable();
-        seeds.dedup();
-        if seeds.is_empty() || seeds.len() < count {
-            return Err(wrong());
-        }
-        Ok(seeds)
     }
 
     fn variants(&self, value: &Value) -> Result<Vec<(Option<String>, Vec<String>)>> {
@@ -358,119 +282,6 @@ impl Reader<'_> {
         }
         Ok(variants)
     }
-
-    /// The options in a table, as arguments; those in `besides` mean something else.
-    fn arguments(&self, value: &Value, besides: &[&str]) -> Result<Vec<String>> {
-        let mut arguments = Vec::new();
-        for (key, value) in self.table(value)? {
-            let name = key.get_ref().as_ref();
-            if besides.contains(&name) {
-                continue;
-            }
-            let Some(setting) = self.settings.iter().find(|setting| setting.name == name) else {
-                let known = self.settings.iter().map(|setting| setting.name.as_str());
-                return Err(self.unknown("option", key, known));
-            };
-            let flag = format!("--{name}");
-            match setting.kind {
-                SettingKind::Switch => match value.get_ref().as_bool() {
-                    Some(true) => arguments.push(flag),
-                    Some(false) => {}
-                    None => {
-                        return Err(self.wrong(&value.span(), format!("`{name}` is true or false")));
-                    }
-                },
-                SettingKind::Path => {
-                    let path = self.folder.join(self.string(value)?);
-                    arguments.extend([flag, path.to_string_lossy().into_owned()]);
-                }
-                // `=` keeps a negative number from being taken for an option.
-                SettingKind::Value => {
-                    arguments.push(format!("{flag}={}", self.value(name, value)?))
-                }
-            }
-        }
-        Ok(arguments)
-    }
-
-    fn value(&self, name: &str, value: &Value) -> Result<String> {
-        Ok(match value.get_ref() {
-            DeValue::String(text) => text.to_string(),
-            DeValue::Integer(number) => number.as_str().to_owned(),
-            DeValue::Float(number) => number.as_str().to_owned(),
-            DeValue::Boolean(switch) => switch.to_string(),
-            DeValue::Array(values) => {
-                let parts = values.iter().map(|value| self.value(name, value));
-                parts.collect::<Result<Vec<String>>>()?.join(",")
-            }
-            DeValue::Datetime(_) | DeValue::Table(_) => {
-                return Err(self.wrong(
-                    &value.span(),
-                    format!(
-                        "`{name}` is {}; expected a number, a text or a list",
-                        value.get_ref().type_str()
-                    ),
-                ));
-            }
-        })
-    }
-
-    fn string<'v>(&self, value: &'v Value) -> Result<&'v str> {
-        let found = value.get_ref();
-        found.as_str().ok_or_else(|| {
-            self.wrong(
-                &value.span(),
-                format!("found {}; expected a text in quotes", found.type_str()),
-            )
-        })
-    }
-
-    fn array<'v, 'i>(&self, value: &'v Value<'i>) -> Result<Vec<&'v Value<'i>>> {
-        let found = value.get_ref();
-        let array = found.as_array();
-        array.map(|values| values.iter().collect()).ok_or_else(|| {
-            self.wrong(
-                &value.span(),
-                format!("found {}; expected a list", found.type_str()),
-            )
-        })
-    }
-
-    fn table<'v, 'i>(&self, value: &'v Value<'i>) -> Result<&'v DeTable<'i>> {
-        let found = value.get_ref();
-        found.as_table().ok_or_else(|| {
-            self.wrong(
-                &value.span(),
-                format!("found {}; expected a table", found.type_str()),
-            )
-        })
-    }
-
-    fn unknown<'k>(
-        &self,
-        what: &str,
-        key: &Spanned<std::borrow::Cow<'_, str>>,
-        known: impl Iterator<Item = &'k str> + Clone,
-    ) -> Error {
-        let name = key.get_ref();
-        let nearest = nearest(name, known.clone());
-        let known: Vec<&str> = known.collect();
-        let message = format!(
-            "unknown {what} `{name}`{nearest} (known: {})",
-            known.join(", ")
-        );
-        self.wrong(&key.span(), message)
-    }
-
-    fn wrong(&self, span: &Range<usize>, message: impl Into<String>) -> Error {
-        let before = self.text.get(..span.start).unwrap_or(self.text);
-        Error::input(message).at(format!("line {}", before.matches('\n').count() + 1))
-    }
-}
-
-fn integer(value: &Value) -> Option<u64> {
-    let number = value.get_ref().as_integer()?;
-    u64::from_str_radix(&number.as_str().replace('_', ""), number.radix()).ok()
 }
 
 /// As [`SaeConfig::named`]; the error names the nearest architecture.
@@ -495,14 +306,4 @@ fn architecture_names() -> Vec<String> {
         }
     }
     names
-}
-
-/// `; did you mean …?`, when there is a name that is near.
-fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
-    let near = known
-        .map(|candidate| (strsim::jaro_winkler(name, candidate), candidate))
-        .filter(|(likeness, _)| *likeness > 0.75)
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    near.map(|(_, candidate)| format!("; did you mean `{candidate}`?"))
-        .unwrap_or_default()
 }

@@ -3,6 +3,7 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 use std::time::Duration;
 
 use crate::error::{Error, Result};
@@ -17,8 +18,8 @@ const PAUSE: Duration = Duration::from_millis(20);
 #[derive(Debug)]
 pub struct RunLock {
     folder: PathBuf,
-    /// Locked until it is closed.
-    _file: File,
+    /// Locked until it is closed here and in every process that shares it.
+    file: File,
     /// Whether the folder was made for the lock.
     is_new: bool,
 }
@@ -51,7 +52,7 @@ impl RunLock {
                         .map_err(failed)?;
                     return Ok(Self {
                         folder: folder.to_owned(),
-                        _file: file,
+                        file,
                         is_new,
                     });
                 }
@@ -74,6 +75,17 @@ impl RunLock {
     /// The folder of the run.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// The lock as the standard input of another process, which then holds it as well, as long as
+    /// it lives: it works on the run even when this process is killed.
+    ///
+    /// # Errors
+    /// When the system has no file handle left.
+    pub fn share(&self) -> Result<Stdio> {
+        let file = self.file.try_clone();
+        let file = file.map_err(|e| Error::io(self.folder.join(LOCK).display(), &e))?;
+        Ok(file.into())
     }
 
     /// Gives the folder another name and ends the right to work on it.

@@ -125,6 +125,16 @@ def test_an_evaluation_of_the_encoder_is_kept_for_reports(tmp_path, capsys):
     )
 
 
+def test_a_sweep_is_told_the_options(capsys):
+    with pytest.raises(SystemExit) as ended:
+        train_rl.main(["--options"])
+    told = json.loads(capsys.readouterr().out)
+    assert ended.value.code == 0 and told["states"] == list(environment.STATES)
+    assert told["switches"] == ["processes"]
+    assert {"task", "steps", "learning-rate", "meshes"} <= set(told["values"])
+    assert not {"state", "out", "checkpoint", "resume", "help"} & set(told["values"])
+
+
 def test_a_killed_run_goes_on_to_the_log_of_an_uninterrupted_one(tmp_path, whole_run):
     run = tmp_path / "run"
     process = subprocess.Popen(command(run, steps=400))

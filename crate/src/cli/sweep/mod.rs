@@ -1,5 +1,6 @@
 //! `tracklens sweep …`.
 
+mod agent;
 mod cluster;
 mod plan;
 mod run;
@@ -16,7 +17,7 @@ use crate::error::Result;
 #[derive(Debug, Subcommand)]
 pub(super) enum SweepCommand {
     /// Write the plan of a sweep, a line a run: every architecture with every variant and every
-    /// seed.
+    /// seed, or every state of agents with every encoder and every seed.
     Plan(PlanArguments),
     /// Train the runs of a plan here, or one of them; complete runs are skipped, started ones go
     /// on.

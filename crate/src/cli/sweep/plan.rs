@@ -5,10 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, Args, CommandFactory as _, Parser};
 
+use super::agent;
 use crate::atomic;
 use crate::cli::train::TrainArguments;
 use crate::error::{Error, ErrorKind, Result};
-use crate::sweep::{Plan, PlannedRun, RunPlace, Setting, SettingKind, State, SweepFile};
+use crate::sweep::{
+    AgentSweep, Plan, PlannedRun, Progress, RunPlace, Setting, SettingKind, State, SweepFile,
+};
 
 pub(super) const PLAN: &str = "plan.jsonl";
 
@@ -76,11 +79,13 @@ pub(super) fn training(run: &PlannedRun, more: &[String]) -> Result<TrainArgumen
         })
 }
 
-/// Epochs that a run is to have.
-pub(super) fn epochs(run: &PlannedRun) -> Result<u32> {
-    Ok(training(run, &["--out".to_owned(), run.run.clone()])?
-        .config()?
-        .epochs)
+/// How far a run is to come.
+pub(super) fn goal(run: &PlannedRun) -> Result<Progress> {
+    if !run.program.is_empty() {
+        return agent::steps(run).map(Progress::Steps);
+    }
+    let training = training(run, &["--out".to_owned(), run.run.clone()])?;
+    Ok(Progress::Epochs(training.config()?.epochs.into()))
 }
 
 pub(super) fn plan(arguments: &PlanArguments) -> Result<()> {
@@ -89,24 +94,15 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<()> {
     // Jobs run elsewhere than here, so that every path is absolute.
     let file = std::path::absolute(&arguments.file).map_err(failed)?;
     let folder = file.parent().unwrap_or(Path::new("/"));
-    let sweep =
-        SweepFile::parse(&text, folder, &settings()).map_err(|e| e.at(arguments.file.display()))?;
-    if !sweep.data.exists() {
-        return Err(Error::new(
-            ErrorKind::Io,
-            format!("the data set {} is not there", sweep.data.display()),
-        )
-        .at(arguments.file.display()));
-    }
-    let plan = sweep.plan();
-    for run in &plan.runs {
-        training(run, &["--out".to_owned(), run.run.clone()])?
-            .config()
-            .map_err(|e| e.at(&run.run))?;
-    }
+    let in_file = |e: Error| e.at(arguments.file.display());
+    let agents = AgentSweep::parse(&text, folder, agent::options).map_err(in_file)?;
+    let (plan, own_out) = match agents {
+        Some(sweep) => (sweep.plan().map_err(in_file)?, sweep.out),
+        None => plan_trainings(arguments, &text, folder)?,
+    };
     let out = match &arguments.out {
         Some(out) => std::path::absolute(out).map_err(|e| Error::io(out.display(), &e))?,
-        None => sweep.out,
+        None => own_out,
     };
     check_folder(&out)?;
     fs::create_dir_all(&out).map_err(|e| Error::io(out.display(), &e))?;
@@ -126,6 +122,26 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<()> {
     eprintln!("{} runs planned in {}", plan.runs.len(), path.display());
     say!("{}", out.display());
     Ok(())
+}
+
+/// The plan of trainings, and the folder of the sweep that the file names.
+fn plan_trainings(arguments: &PlanArguments, text: &str, folder: &Path) -> Result<(Plan, PathBuf)> {
+    let sweep =
+        SweepFile::parse(text, folder, &settings()).map_err(|e| e.at(arguments.file.display()))?;
+    if !sweep.data.exists() {
+        return Err(Error::new(
+            ErrorKind::Io,
+            format!("the data set {} is not there", sweep.data.display()),
+        )
+        .at(arguments.file.display()));
+    }
+    let plan = sweep.plan();
+    for run in &plan.runs {
+        training(run, &["--out".to_owned(), run.run.clone()])?
+            .config()
+            .map_err(|e| e.at(&run.run))?;
+    }
+    Ok((plan, sweep.out))
 }
 
 /// Refuses a folder whose path would break the scripts and lists of commands that name it.
@@ -156,23 +172,23 @@ pub(super) fn open(sweep: &Path) -> Result<(Plan, PathBuf)> {
     Ok((plan, folder))
 }
 
-/// The epochs that a run is to have, and its state. A run whose arguments cannot be read has failed.
-pub(super) fn state(folder: &Path, run: &PlannedRun) -> (u32, State) {
-    match epochs(run) {
-        Ok(epochs) => (epochs, RunPlace::new(folder, &run.run).state(epochs)),
+/// How far a run is to come, and its state. A run whose arguments cannot be read has failed.
+pub(super) fn state(folder: &Path, run: &PlannedRun) -> (Progress, State) {
+    match goal(run) {
+        Ok(goal) => (goal, RunPlace::new(folder, &run.run).state(goal)),
         Err(e) => {
-            let error = e.to_string();
-            (0, State::Failed { error, epochs: 0 })
+            let (error, done) = (e.to_string(), Progress::Epochs(0));
+            (done, State::Failed { error, done })
         }
     }
 }
 
-pub(super) fn states(plan: &Plan, folder: &Path) -> Vec<(u32, State)> {
+pub(super) fn states(plan: &Plan, folder: &Path) -> Vec<(Progress, State)> {
     plan.runs.iter().map(|run| state(folder, run)).collect()
 }
 
 /// The lines, counted from 1, of the runs in a state.
-pub(super) fn lines(states: &[(u32, State)], wanted: impl Fn(&State) -> bool) -> Vec<usize> {
+pub(super) fn lines(states: &[(Progress, State)], wanted: impl Fn(&State) -> bool) -> Vec<usize> {
     let found = states
         .iter()
         .enumerate()

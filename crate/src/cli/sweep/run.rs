@@ -11,11 +11,13 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use super::plan::{PLAN, epochs, open, state, training};
+use super::agent;
+use super::plan::{PLAN, goal, open, state, training};
 use crate::cli::extract::cancel_on_interrupt;
 use crate::cli::{signals, train};
 use crate::error::{Error, ErrorKind, Result};
-use crate::sweep::{Plan, PlannedRun, RunPlace, State};
+use crate::sweep::{Plan, PlannedRun, Progress, RunPlace, State};
+use crate::train::RunLock;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct RunArguments {
@@ -49,22 +51,15 @@ fn run_line(arguments: &RunArguments, line: usize) -> Result<()> {
         .line(line)
         .map_err(|e| e.at(folder.join(PLAN).display()))?;
     let place = RunPlace::new(&folder, &run.run);
-    let Some(claim) = place.claim(epochs(run)?)? else {
+    let Some(claim) = place.claim(goal(run)?)? else {
         eprintln!("{} is complete", run.run);
         return Ok(());
     };
-    let mut more = vec![
-        "--out".to_owned(),
-        claim.lock().folder().to_string_lossy().into_owned(),
-        "--resume".to_owned(),
-    ];
-    if let Some(threads) = arguments.threads {
-        more.push(format!("--threads={threads}"));
-    }
-    if arguments.quiet {
-        more.push("--quiet".to_owned());
-    }
-    match training(run, &more).and_then(|training| train::run_in(claim.lock(), &training)) {
+    let trained = match run.program.is_empty() {
+        true => train_here(arguments, run, claim.lock()),
+        false => agent::train(run, claim.lock(), arguments.threads),
+    };
+    match trained {
         Ok(()) => claim.finish(),
         // It goes on some other time: nothing is wrong with it.
         Err(error) if error.kind() == ErrorKind::Cancelled => Err(error.at(&run.run)),
@@ -78,11 +73,28 @@ fn run_line(arguments: &RunArguments, line: usize) -> Result<()> {
     }
 }
 
+/// Trains an encoder in this process.
+fn train_here(arguments: &RunArguments, run: &PlannedRun, lock: &RunLock) -> Result<()> {
+    let mut more = vec![
+        "--out".to_owned(),
+        lock.folder().to_string_lossy().into_owned(),
+        "--resume".to_owned(),
+    ];
+    if let Some(threads) = arguments.threads {
+        more.push(format!("--threads={threads}"));
+    }
+    if arguments.quiet {
+        more.push("--quiet".to_owned());
+    }
+    train::run_in(lock, &training(run, &more)?)
+}
+
 /// A run that is trained by a process of its own.
 struct Job<'a> {
     run: &'a PlannedRun,
     place: RunPlace,
     process: Child,
+    goal: Progress,
     bar: ProgressBar,
 }
 
@@ -202,15 +214,19 @@ impl<'a> Work<'a> {
             let place = RunPlace::new(self.folder, &run.run);
             match start(&self.program, self.folder, &place, line, self.threads) {
                 Ok(process) => {
-                    let epochs = state(self.folder, run).0;
-                    let bar = ProgressBar::new(epochs.into());
+                    let goal = state(self.folder, run).0;
+                    let bar = ProgressBar::new(goal.count());
                     let bar = self.bars.insert_before(&self.overall, bar);
-                    bar.set_style(style("{msg} {wide_bar} epoch {pos}/{len} ({eta} left)"));
+                    let unit = goal.unit();
+                    let shown =
+                        format!("{{msg}} {{wide_bar}} {unit} {{pos}}/{{len}} ({{eta}} left)");
+                    bar.set_style(style(&shown));
                     bar.set_message(run.run.clone());
                     self.jobs.push(Job {
                         run,
                         place,
                         process,
+                        goal,
                         bar,
                     });
                 }
@@ -227,7 +243,7 @@ impl<'a> Work<'a> {
     /// How far the jobs are, and which ended.
     fn look(&mut self) -> Result<()> {
         for mut job in std::mem::take(&mut self.jobs) {
-            job.bar.set_position(job.place.epochs());
+            job.bar.set_position(job.place.done(job.goal).count());
             let failed = |e: std::io::Error| Error::io(&job.run.run, &e);
             if let Some(status) = job.process.try_wait().map_err(failed)? {
                 job.bar.finish_and_clear();

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::cluster::{SUBMISSION, sbatch};
 use super::plan::{lines, open, states};
 use crate::error::{Error, Result};
-use crate::sweep::{State, Submission};
+use crate::sweep::{Progress, State, Submission};
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct StatusArguments {
@@ -29,8 +29,12 @@ pub(in crate::cli) struct StatusArguments {
 struct RunStatus<'a> {
     line: usize,
     run: &'a str,
-    /// Epochs that it is to have.
-    planned_epochs: u32,
+    /// Epochs that a training is to have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    planned_epochs: Option<u64>,
+    /// Steps that an agent is to have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    planned_steps: Option<u64>,
     #[serde(flatten)]
     state: State,
 }
@@ -41,10 +45,17 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<()> {
     if arguments.json {
         let runs = plan.runs.iter().zip(&states).enumerate();
         let runs: Vec<RunStatus> = runs
-            .map(|(i, (run, (planned_epochs, state)))| RunStatus {
+            .map(|(i, (run, (goal, state)))| RunStatus {
                 line: i + 1,
                 run: &run.run,
-                planned_epochs: *planned_epochs,
+                planned_epochs: match goal {
+                    Progress::Epochs(epochs) => Some(*epochs),
+                    Progress::Steps(_) => None,
+                },
+                planned_steps: match goal {
+                    Progress::Steps(steps) => Some(*steps),
+                    Progress::Epochs(_) => None,
+                },
                 state: state.clone(),
             })
             .collect();
@@ -61,16 +72,14 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<()> {
             count(|s| matches!(s, State::Stopped { .. })),
             count(|s| matches!(s, State::Missing)),
         );
-        for (i, (run, (planned, state))) in plan.runs.iter().zip(&states).enumerate() {
+        for (i, (run, (goal, state))) in plan.runs.iter().zip(&states).enumerate() {
+            let so_far =
+                |done: &Progress| format!("{} {} of {}", goal.unit(), done.count(), goal.count());
             let text = match state {
                 State::Done | State::Missing => continue,
-                State::Running { holder, epochs } => {
-                    format!("running, epoch {epochs} of {planned}: {holder}")
-                }
-                State::Failed { error, epochs } => {
-                    format!("failed after epoch {epochs} of {planned}: {error}")
-                }
-                State::Stopped { epochs } => format!("stopped after epoch {epochs} of {planned}"),
+                State::Running { holder, done } => format!("running, {}: {holder}", so_far(done)),
+                State::Failed { error, done } => format!("failed after {}: {error}", so_far(done)),
+                State::Stopped { done } => format!("stopped after {}", so_far(done)),
             };
             say!("{:>5}  {}  {text}", i + 1, run.run);
         }
