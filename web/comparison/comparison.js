@@ -1,11 +1,11 @@
 // @ts-check
 /**
- * Runs side by side: folders of runs that were dropped, the detectors of the session that are
- * scored on the same frames, and evaluations that were saved. Says `change` when there is something
+ * Runs side by side: folders of trainings and agents that were dropped, the detectors of the session
+ * that are scored on the same frames, and evaluations that were saved. Says `change` when there is something
  * else to compare.
  */
 
-import init, { Comparison } from "../pkg/index.js";
+import init, { Comparison, checkpointCrc32 } from "../pkg/index.js";
 import { messageOf } from "../errors.js";
 import { contentOf, extractionOf, savedOf } from "../files/entry.js";
 import { bytesOf, mapBounded, readError } from "../files/sources.js";
@@ -15,13 +15,17 @@ import { doubtsOf, isPending, scoreDetector } from "./detectors.js";
  * @typedef {import("../session.js").Session} Session
  * @typedef {import("../files/entry.js").Entry} Entry
  * @typedef {import("../files/runs.js").RunFolder} RunFolder
+ * @typedef {import("../files/sources.js").Source} Source
  * @typedef {import("./detectors.js").Detector} Detector
  * @typedef {import("../extraction/extraction.js").Extraction} Extraction
  * @typedef {import("../pkg/index.js").Compared} Compared
  * @typedef {import("../pkg/index.js").Evaluation} Evaluation
  * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
+ * @typedef {import("../pkg/index.js").ComparedAgent} ComparedAgent
  */
 
+/** The checkpoints in the folder of a training. @type {("best" | "last")[]} */
+const CHECKPOINTS = ["best", "last"];
 const READERS = 8;
 
 export class RunsComparison extends EventTarget {
@@ -29,6 +33,8 @@ export class RunsComparison extends EventTarget {
   reading = null;
   /** @type {RunDataSet[]} */
   dataSets = [];
+  /** The runs of agents, which are compared beside any data set. @type {ComparedAgent[]} */
+  agents = [];
   /**
    * The extraction of pending checkpoints, while it runs.
    * @type {{ path: string, done: number, total: number, rate: number } | null}
@@ -46,7 +52,7 @@ export class RunsComparison extends EventTarget {
    */
   unscored = [];
   /**
-   * The runs of the data set on display; `null` when none of them is complete.
+   * The runs of the data set on display and the agents; `null` when none of them is complete.
    * @type {Compared | null}
    */
   compared = null;
@@ -64,6 +70,8 @@ export class RunsComparison extends EventTarget {
    * @type {Map<string, { folder: RunFolder, files: Record<string, Uint8Array>, reason: string }>}
    */
   #runs = new Map();
+  /** CRC-32 of checkpoints that were asked for. @type {WeakMap<Source, number>} */
+  #crc32s = new WeakMap();
   /**
    * What was scored, by detector: an entry is scored again only when something else is asked of it.
    * @type {Map<Entry, { asked: unknown[], evaluation: Evaluation | null, reason: string }>}
@@ -166,7 +174,8 @@ export class RunsComparison extends EventTarget {
       const files = {};
       let reason = "";
       try {
-        for (const [kind, source] of Object.entries(folder)) files[kind] = await bytesOf(source);
+        const { best: _, last: __, ...described } = folder;
+        for (const [kind, source] of Object.entries(described)) files[kind] = await bytesOf(source);
       } catch (error) {
         reason = readError(error, name);
       }
@@ -219,19 +228,19 @@ export class RunsComparison extends EventTarget {
     ) {
       await init(["comparison"]);
       this.#forget();
-      this.#comparison = this.#gather(detectors);
+      this.#comparison = await this.#gather(detectors);
       this.#parts = parts;
     }
     this.error = "";
     const set = this.dataSets[this.options.dataSet] ?? this.dataSets[0];
-    if (!this.#comparison || !set) return;
-    this.options.dataSet = this.dataSets.indexOf(set);
-    const known = ["settings", "architecture", "name", ...set.settings];
+    if (!this.#comparison || (!set && this.agents.length === 0)) return;
+    this.options.dataSet = Math.max(this.dataSets.indexOf(set), 0);
+    const known = ["settings", "architecture", "name", ...(set?.settings ?? [])];
     if (!known.includes(this.options.groupBy)) this.options.groupBy = "settings";
-    const given = [...this.#thresholds()].filter(([object]) => set.objects.includes(object));
+    const given = [...this.#thresholds()].filter(([object]) => set?.objects.includes(object));
     const thresholds = Object.fromEntries(given);
     // Which settings of detectors differ is not known.
-    const groupBy = set.trained ? this.options.groupBy : "name";
+    const groupBy = set?.trained === false ? "name" : this.options.groupBy;
     const before = this.compared;
     this.compared = null;
     before?.free();
@@ -243,7 +252,7 @@ export class RunsComparison extends EventTarget {
   }
 
   /** @param {Detector[]} detectors */
-  #gather(detectors) {
+  async #gather(detectors) {
     const comparison = new Comparison();
     for (const { name, evaluation, architecture } of detectors)
       comparison.addEvaluation(name, evaluation, architecture);
@@ -253,8 +262,39 @@ export class RunsComparison extends EventTarget {
       else comparison.addRun(name, files);
     }
     this.dataSets = comparison.dataSets;
+    this.agents = comparison.agents;
     this.unread = [...comparison.unread, ...failed];
+    if (this.agents.some((agent) => agent.seesByCheckpoint)) await this.#findEncoders(comparison);
     return comparison;
+  }
+
+  /**
+   * Says which checkpoints trainings have, so that agents find their encoders.
+   * @param {Comparison} comparison
+   */
+  async #findEncoders(comparison) {
+    await mapBounded([...this.#runs], READERS, async ([name, { folder }]) => {
+      const [best, last] = await Promise.all(
+        CHECKPOINTS.map((kind) => this.#crc32Of(folder[kind], name)),
+      );
+      comparison.addCheckpoints(name, best, last);
+    });
+  }
+
+  /**
+   * @param {Source | undefined} source
+   * @param {string} name of the run
+   */
+  async #crc32Of(source, name) {
+    if (!source) return undefined;
+    try {
+      const crc32 = this.#crc32s.get(source) ?? checkpointCrc32(await bytesOf(source));
+      this.#crc32s.set(source, crc32);
+      return crc32;
+    } catch (error) {
+      this.unread.push({ name, reason: readError(error, source.path) });
+      return undefined;
+    }
   }
 
   #forget() {
@@ -264,6 +304,7 @@ export class RunsComparison extends EventTarget {
     this.#comparison = null;
     this.#parts = [];
     this.dataSets = [];
+    this.agents = [];
     this.unread = [];
   }
 

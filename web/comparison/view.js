@@ -16,6 +16,7 @@ import { tableView } from "./tables.js";
  * @typedef {import("../pkg/index.js").Figure} Figure
  * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
  * @typedef {import("../pkg/index.js").RunsReport} RunsReport
+ * @typedef {import("../pkg/index.js").Table} Table
  */
 
 /** Objects that get a column. */
@@ -33,8 +34,9 @@ export function showComparison(session, comparison) {
   const inStep = inStepView(session, comparison);
 
   const rebuild = () => {
-    const { dataSets, unread, unscored, pending, reading, error } = comparison;
-    const runs = dataSets.reduce((sum, set) => sum + set.runs.length, 0) + unread.length;
+    const { agents, dataSets, unread, unscored, pending, reading, error } = comparison;
+    const trained = dataSets.reduce((sum, set) => sum + set.runs.length, 0);
+    const runs = trained + agents.length + unread.length;
     place.hidden = runs === 0 && unscored.length + pending.length < 2 && !reading && !error;
     setAvailable(byId("view-compare"), !place.hidden);
     if (place.hidden) {
@@ -44,7 +46,7 @@ export function showComparison(session, comparison) {
     }
     const set = dataSets[comparison.options.dataSet];
     const report = comparison.compared?.report ?? null;
-    const groups = report?.groups ?? [];
+    const groups = [...(report?.groups ?? []), ...(report?.agents?.groups ?? [])];
     const complete = groups.reduce((sum, group) => sum + group.complete, 0);
     Object.assign(place.dataset, {
       runs: String(runs),
@@ -69,7 +71,7 @@ export function showComparison(session, comparison) {
             ? `Reading runs: ${integer(reading.done)} of ${integer(reading.total)}`
             : `${summary}.`,
         ),
-        set && settings(comparison),
+        (set || agents.length > 0) && settings(comparison),
         ...notices(comparison, set, report),
       ),
       inStep.element,
@@ -140,6 +142,7 @@ function detectorsView(detectors) {
 /** @param {RunsComparison} comparison */
 function settings(comparison) {
   const { dataSets, options } = comparison;
+  /** @type {RunDataSet | undefined} */
   const set = dataSets[options.dataSet];
   const select = (
     /** @type {string} */ id,
@@ -165,7 +168,9 @@ function settings(comparison) {
     ["settings", "All settings but the seed"],
     ["architecture", "Architecture"],
     ["name", "Name"],
-    .../** @type {[string, string][]} */ (set.settings.map((name) => [name, `Setting: ${name}`])),
+    .../** @type {[string, string][]} */ (
+      (set?.settings ?? []).map((name) => [name, `Setting: ${name}`])
+    ),
   ];
   const describe = (/** @type {RunDataSet} */ { trained, runs, objects }) =>
     `${count(runs.length, trained ? "training" : "scored detector")} (${objects.join(", ")})`;
@@ -179,7 +184,7 @@ function settings(comparison) {
         dataSets.map((each, i) => [String(i), describe(each)]),
         String(options.dataSet),
       ),
-    set.trained && select("compare-group", "Group by", groupings, options.groupBy),
+    set?.trained !== false && select("compare-group", "Group by", groupings, options.groupBy),
     comparison.size > 0 &&
       h(
         "button",
@@ -295,8 +300,9 @@ function notices(comparison, set, report) {
  */
 function compared(compared, order) {
   const { tables } = compared;
-  const runs = tables.filter(({ name }) => name === "runs");
-  const others = tables.filter(({ name }) => name !== "runs");
+  const isRuns = (/** @type {Table} */ { name }) => name === "runs" || name === "agents";
+  const runs = tables.filter(isRuns);
+  const others = tables.filter((table) => !isRuns(table));
   return [
     h("div", { class: "panel" }, ...others.flatMap((table) => tableView(table, order))),
     h(
@@ -346,8 +352,8 @@ function figureView({ name, caption, svg }) {
  * @param {RunsComparison} comparison
  * @param {RunDataSet | undefined} set
  */
-function dropped({ unread }, set) {
-  const incomplete = (set?.runs ?? []).filter((run) => run.incomplete);
+function dropped({ agents, unread }, set) {
+  const incomplete = [...(set?.runs ?? []), ...agents].filter((run) => run.incomplete);
   const lines = [
     ...incomplete.map(({ name, incomplete }) => ({ name, reason: incomplete })),
     ...unread.map(({ name, reason }) => ({ name, reason })),
@@ -379,6 +385,19 @@ function downloads(compared, report) {
     /** @type {string} */ label,
     /** @type {() => void} */ onclick,
   ) => h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
+  const table = (
+    /** @type {string} */ name,
+    /** @type {string} */ label,
+    /** @type {() => string} */ write,
+  ) => item(`save-${name}-csv`, `${label} (CSV)`, () => save(`${name}.csv`, "text/csv", write()));
+  const ofRuns = [
+    table("runs", "Runs", () => compared.runsCsv()),
+    table("errors", "Errors", () => compared.errorsCsv()),
+  ];
+  const ofAgents = [
+    table("agents", "Agents", () => compared.agentsCsv()),
+    table("success", "Success", () => compared.successCsv()),
+  ];
   return h(
     "div",
     { class: "downloads" },
@@ -388,9 +407,7 @@ function downloads(compared, report) {
     item("save-runs-json", "Report (JSON)", () =>
       save("report.json", "application/json", `${JSON.stringify(report, null, 2)}\n`),
     ),
-    item("save-runs-csv", "Runs (CSV)", () => save("runs.csv", "text/csv", compared.runsCsv())),
-    item("save-errors-csv", "Errors (CSV)", () =>
-      save("errors.csv", "text/csv", compared.errorsCsv()),
-    ),
+    ...(report.groups.length > 0 ? ofRuns : []),
+    ...(report.agents ? ofAgents : []),
   );
 }

@@ -6,8 +6,14 @@ import { findRuns } from "../pkg/index.js";
 /**
  * @typedef {import("./sources.js").Source} Source
  *
- * The files of a run that are read, by what they are.
- * @typedef {{ config?: Source, log?: Source, summary?: Source, error?: Source }} RunFolder
+ * The files of a run that are read, by what they are; its checkpoints only where agents see by them.
+ * @typedef {object} RunFolder
+ * @property {Source} [config]
+ * @property {Source} [log]
+ * @property {Source} [summary]
+ * @property {Source} [error]
+ * @property {Source} [best]
+ * @property {Source} [last]
  */
 
 /**

@@ -1,12 +1,15 @@
 //! Runs side by side in the page, against `tracklens report` and `tracklens score` on the same
 //! files.
 
+#[path = "../../shared/agents.rs"]
+mod agent_runs;
 #[path = "../../shared/runs.rs"]
 mod runs;
 
 use std::fs;
 use std::io::{Cursor, Write};
 
+use agent_runs::{fixture, write_agent, write_agents};
 use runs::{config, sweep, write_run};
 use serde_json::{Value, json};
 use tracklens_page_tests::{
@@ -173,6 +176,87 @@ async fn folders_of_runs_compare_as_in_the_terminal() {
     page.click("#remove-runs").await;
     page.until("document.querySelector('#comparison').hidden")
         .await;
+    page.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn folders_of_agents_compare_as_in_the_terminal() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [runs, out] = ["runs", "out"].map(|name| folder.path().join(name));
+    write_agents(&runs);
+    fs::remove_file(runs.join("full/seed-04/summary.json")).expect("removed");
+    tracklens(&["report", &text(&runs), "--out", &text(&out)]);
+    let report = |out: &std::path::Path| -> Value {
+        let bytes = fs::read(out.join("report.json")).expect("a report");
+        serde_json::from_slice(&bytes).expect("JSON")
+    };
+
+    let page = Page::open_with(KEEP).await;
+    page.pick_folder(&runs).await;
+    until_compared(&page, 29).await;
+    let dropped = "document.querySelector('#runs-dropped').textContent";
+    let dropped = page.value(dropped).await;
+    let told = "runs/full/seed-04: it stopped after step 12000 of 12000";
+    assert!(
+        dropped.as_str().is_some_and(|text| text.contains(told)),
+        "{dropped}"
+    );
+    let shown = rows(&page, "success-table").await;
+    assert_eq!((shown.len(), shown[0][0].as_str()), (6, "points+robot"));
+    assert_eq!(rows(&page, "correlation-table").await.len(), 4);
+    assert_eq!(rows(&page, "agents-table").await.len(), 29);
+    assert_eq!(
+        page.value("document.querySelector('#save-runs-csv')").await,
+        Value::Null
+    );
+    page.click("#save-runs-json").await;
+    let own: Value = serde_json::from_str(&saved(&page, "report.json").await).expect("JSON");
+    let curves = |report: &Value| {
+        let groups = report["agents"]["groups"].as_array().expect("groups");
+        groups
+            .iter()
+            .map(|group| (group["name"].clone(), group["curve"][11]["iqm"].as_f64()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(curves(&own), curves(&report(&out)));
+    for name in [
+        "success-over-steps",
+        "success-at-the-end",
+        "tracking-and-success",
+    ] {
+        page.click(&format!("[data-save='{name}.svg']")).await;
+        let svg = saved(&page, &format!("{name}.svg")).await;
+        let terminal = fs::read_to_string(out.join(format!("{name}.svg"))).expect("a figure");
+        assert_eq!(svg, terminal, "{name}");
+    }
+    page.click("#save-success-csv").await;
+    let terminal = fs::read_to_string(out.join("success.csv")).expect("a table");
+    assert_eq!(saved(&page, "success.csv").await, terminal);
+
+    // An encoder whose tracking no agent records is known by its training.
+    // CRC-32 of the weights by zlib.
+    let (weights, crc32) = (b"weights of basic", 2_716_245_041);
+    let trained = folder.path().join("encoders");
+    write_run(&trained.join("basic/seed-00"), "basic", 0, 4);
+    fs::write(
+        trained.join("basic/seed-00/checkpoint_final.safetensors"),
+        weights,
+    )
+    .expect("written");
+    let run = &fixture()["runs"]["dim/seed-00"];
+    let mut config = run["config"].clone();
+    config.as_object_mut().expect("settings").remove("encoder");
+    config["checkpoint"] = json!({ "crc32": crc32 });
+    let log = run["log"].as_array().expect("a log");
+    write_agent(&trained.join("agent"), &config, log);
+    page.click("#remove-runs").await;
+    page.until("document.querySelector('#comparison').hidden")
+        .await;
+    page.pick_folder(&trained).await;
+    until_compared(&page, 2).await;
+    let shown = rows(&page, "success-table").await;
+    assert_eq!(shown[0][0], "basic, keypoints+robot");
+    assert_ne!(shown[0][3], "–", "its TC");
     page.close().await;
 }
 
