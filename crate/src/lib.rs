@@ -20,6 +20,7 @@
 //! | `data` | tables, frames, sequences and checkpoints from bytes: `data`, `checkpoint`, `evaluation`, `run` | 69 |
 //! | `jpeg-webp` | JPEG and WebP images besides PNG | 73 |
 //! | `hdf5` | HDF5: recordings, data frames of pandas, projects of SLEAP | 78 |
+//! | `space` | points with three coordinates | 22 |
 //! | `engine` | encoders on the CPU: `engine`, `extract` | 72 |
 //! | `onnx` | any detector as an ONNX model: `detector`; checkpoints and models by path: `weights` | 93 |
 //! | `report` | tables, figures and pages: `report` | 76 |

@@ -3,10 +3,16 @@
 //! Everything is in *ndc* unless a name says otherwise: (x, y), x to the right, y down, -1 and +1
 //! at the outer edges of the image. The centre of pixel `(col, row)` of a `W x H` image is at `x =
 //! (2 col + 1) / W - 1`, `y = (2 row + 1) / H - 1`.
+//!
+//! Points may be in space as well, (x, y, z): in the unit of their file, whatever it is.
 
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use crate::error::{Error, Result};
+
+/// The most coordinates that a point has: three where points in space are compiled in (feature
+/// `space`).
+pub const MOST_AXES: usize = if cfg!(feature = "space") { 3 } else { 2 };
 
 /// Identifies a frame: the sequence it belongs to and its number there.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -23,7 +29,7 @@ impl std::fmt::Display for FrameKey {
     }
 }
 
-/// Keypoints `z_n` of a detector over time: T frames, N keypoints, (x, y).
+/// Keypoints `z_n` of a detector over time: T frames, N keypoints, (x, y) or (x, y, z).
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeypointTrack {
     keys: Vec<FrameKey>,
@@ -31,7 +37,8 @@ pub struct KeypointTrack {
     confidence: Option<Array2<f64>>,
 }
 
-/// Ground-truth positions `x_k` of objects over time: T frames, K objects, (x, y) in ndc.
+/// Ground-truth positions `x_k` of objects over time: T frames, K objects, (x, y) in ndc, or (x, y,
+/// z) in the unit of the file.
 ///
 /// NaN means that the object is not visible in that frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,12 +50,13 @@ pub struct GroundTruth {
 }
 
 fn check_shape(what: &str, keys: &[FrameKey], points: &Array3<f64>) -> Result<()> {
-    let (t, _, two) = points.dim();
-    if two != 2 || t != keys.len() {
+    let (t, _, axes) = points.dim();
+    if !(2..=MOST_AXES).contains(&axes) || t != keys.len() {
         return Err(Error::input(format!(
-            "{what} has shape {:?} for {} frames; expected (frames, points, 2)",
+            "{what} has shape {:?} for {} frames; expected (frames, points, {})",
             points.shape(),
-            keys.len()
+            keys.len(),
+            if MOST_AXES == 2 { "2" } else { "2 or 3" }
         )));
     }
     Ok(())
@@ -66,10 +74,10 @@ fn check_confidence(confidence: Option<&Array2<f64>>, points: &Array3<f64>) -> R
 }
 
 impl KeypointTrack {
-    /// A track of `points` (T x N x 2, latent space or ndc), one row a key.
+    /// A track of `points` (T x N x 2, latent space or ndc, or T x N x 3), one row a key.
     ///
     /// # Errors
-    /// When the shape is not (number of keys, N, 2).
+    /// When the shape is not (number of keys, N, 2 or 3).
     pub fn new(keys: Vec<FrameKey>, points: Array3<f64>) -> Result<Self> {
         check_shape("a keypoint track", &keys, &points)?;
         Ok(Self {
@@ -98,12 +106,12 @@ impl KeypointTrack {
         &self.keys
     }
 
-    /// T x N x 2.
+    /// T x N x 2, or 3 in space.
     pub fn points(&self) -> &Array3<f64> {
         &self.points
     }
 
-    /// The N x 2 points of frame `t`.
+    /// The N x 2 (in space 3) points of frame `t`.
     pub fn frame(&self, t: usize) -> ArrayView2<'_, f64> {
         self.points.index_axis(Axis(0), t)
     }
@@ -112,13 +120,19 @@ impl KeypointTrack {
     pub fn keypoints(&self) -> usize {
         self.points.dim().1
     }
+
+    /// The number of coordinates of a keypoint: 2 in the image, 3 in space.
+    pub fn axes(&self) -> usize {
+        self.points.dim().2
+    }
 }
 
 impl GroundTruth {
-    /// A ground truth of `points_ndc` (T x K x 2), one row a key, one column a name.
+    /// A ground truth of `points_ndc` (T x K x 2, or T x K x 3 in any unit), one row a key, one
+    /// column a name.
     ///
     /// # Errors
-    /// When the shape is not (number of keys, number of names, 2).
+    /// When the shape is not (number of keys, number of names, 2 or 3).
     pub fn new(keys: Vec<FrameKey>, names: Vec<String>, points_ndc: Array3<f64>) -> Result<Self> {
         check_shape("a ground truth", &keys, &points_ndc)?;
         if points_ndc.dim().1 != names.len() {
@@ -184,12 +198,31 @@ impl GroundTruth {
         &self.names
     }
 
-    /// T x K x 2.
+    /// The number of coordinates of a position: 2 in the image, 3 in space.
+    pub fn axes(&self) -> usize {
+        self.points_ndc.dim().2
+    }
+
+    /// The ground truth, if it is in the image.
+    ///
+    /// # Errors
+    /// When it is in space; the message says that `purpose` needs it in the image.
+    pub fn in_image(self, purpose: &str) -> Result<Self> {
+        match self.axes() {
+            2 => Ok(self),
+            _ => Err(Error::mismatch(format!(
+                "the ground truth has three coordinates, and {purpose} needs positions in the image; expected x and \
+                 y: leave z out (--xy-only), or project it with the camera first"
+            ))),
+        }
+    }
+
+    /// T x K x 2, or 3 in space, then in the unit of the file.
     pub fn points_ndc(&self) -> &Array3<f64> {
         &self.points_ndc
     }
 
-    /// The K x 2 positions of frame `t`.
+    /// The K x 2 (in space 3) positions of frame `t`.
     pub fn frame(&self, t: usize) -> ArrayView2<'_, f64> {
         self.points_ndc.index_axis(Axis(0), t)
     }

@@ -459,7 +459,7 @@ fn bad_points_are_told_apart() {
             && error.contains("2 sequences of 3 frames"),
         "{error}"
     );
-    let error = with_points(&[2, 3, 3], vec![0.0; 18], &[]);
+    let error = with_points(&[2, 3, 4], vec![0.0; 24], &[]);
     assert!(error.contains("expected [S, T, K, 2]"), "{error}");
     let error = with_points(&[2, 3, 1, 2], vec![0.0; 12], &["a", "b"]);
     assert!(error.contains("names 2 points (a, b)"), "{error}");

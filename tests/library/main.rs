@@ -22,6 +22,8 @@ mod formats;
 #[cfg(feature = "data")]
 mod memory;
 mod metric;
+#[cfg(all(feature = "data", feature = "space"))]
+mod space;
 mod stats;
 #[cfg(feature = "data")]
 mod tables;

@@ -531,7 +531,7 @@ fn held_out_errors_are_those_of_maps_from_the_other_folds() {
         assert_eq!(best.keypoint, 1);
         let (keypoints, truth) = &sequences[left_out];
         for (z, x) in keypoints.outer_iter().zip(truth.outer_iter()) {
-            let mapped = best.fit.map.apply([z[[1, 0]], z[[1, 1]]]);
+            let mapped = best.fit.map.apply(&[z[[1, 0]], z[[1, 1]]]);
             sum += (mapped[0] - x[[0, 0]]).powi(2) + (mapped[1] - x[[0, 1]]).powi(2);
             frames += 1;
         }
@@ -591,7 +591,7 @@ fn bootstrap_intervals_hold_the_spread_over_sequences() {
         .map(|(keypoints, truth)| {
             let frames = keypoints.outer_iter().zip(truth.outer_iter());
             let left = frames.map(|(z, x)| {
-                let mapped = best.fit.map.apply([z[[1, 0]], z[[1, 1]]]);
+                let mapped = best.fit.map.apply(&[z[[1, 0]], z[[1, 1]]]);
                 (mapped[0] - x[[0, 0]]).powi(2) + (mapped[1] - x[[0, 1]]).powi(2)
             });
             left.sum::<f64>() / 9.0

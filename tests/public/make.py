@@ -41,11 +41,20 @@ TRUTH = np.stack(
 rng = np.random.default_rng(0)
 # Keypoints of a detector in pixels: they follow the points from a distance, with noise.
 KEYPOINTS = (TRUTH * [0.8, 0.9] + [7, -3] + rng.normal(0, 1.5, TRUTH.shape)).round(4)
+# The same points in space, in some unit, T x 2 x 3; the page refuses such files.
+SPACE = np.dstack([TRUTH / 64, np.stack([np.sin(0.7 * t), np.cos(2.1 * t)], 1)]).round(4)
+# Keypoints that see them from elsewhere.
+SPACE_KEYPOINTS = (SPACE @ [[2, 1, 0], [-1, 2, 1], [0, 1, 3]] + 4 + rng.normal(0, 0.02, SPACE.shape)).round(4)
+IN_SPACE = "three coordinates"
 HIDDEN = [(3, 0), (9, 1), (20, 0)]
 
 
 def ndc(px):
     return (2 * px + 1) / SIZE - 1
+
+
+def raised(points, z):
+    return np.dstack([points, np.full(points.shape[:2], z)])
 
 
 def hidden(points=TRUTH, which=HIDDEN):
@@ -75,17 +84,24 @@ def errors(truth, keypoints):
 cases = []
 
 
-def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES):
+def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES, space=None, refused_by_page=IN_SPACE):
     """A file and what it comes to beside the plain table of the other role.
 
     `points` are what it holds, T x P x 2 in pixels, in the order of `objects`; `refused` is a part
     of the message of a file that cannot be read, `notes` are parts of what is told of one that can.
+    `space` are positions in space in its place, T x P x 3 in the unit of the file, and
+    `refused_by_page` is what the page says of them.
     """
     data = content if isinstance(content, bytes) else content.encode()
     (OUT / name).write_bytes(data)
     found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
     if refused is not None:
         found["refused"] = refused
+    elif space is not None:
+        found["errors"] = errors(space, ndc(KEYPOINTS)) if role == "truth" else errors(ndc(TRUTH), space)
+        found["refused_by_page"] = refused_by_page
+        if role == "truth":
+            found["objects"] = list(objects)
     else:
         points = TRUTH if points is None and role == "truth" else KEYPOINTS if points is None else points
         truth, keypoints = (points, KEYPOINTS) if role == "truth" else (TRUTH, points)
@@ -118,6 +134,7 @@ def wide(points, columns="{}_x,{}_y", frame="frame"):
 # Tidy tables.
 N = ndc(TRUTH)
 case("tidy.csv", tidy(N))
+case("tidy-three-d.csv", tidy(N, tail=",0.5").replace("x,y\n", "x,y,z\n", 1), space=raised(N, 0.5))
 case("tidy-pixels.csv", tidy(TRUTH), options=PX)
 case("tidy-hidden.csv", tidy(ndc(hidden())), points=hidden())
 for word in ["None", "null", "NULL", "NaN", "nan", "<NA>", "N/A", "#N/A", "n/a", "NA"]:
@@ -159,7 +176,7 @@ for name, rows, why in [
     ("tidy-too-large", tidy(N).replace(repr(float(N[2, 0, 0])), "1e400"), "is infinite"),
     ("tidy-two-x", tidy(N, tail=",9").replace("x,y\n", "x,y,x\n", 1), "column `x` stands twice"),
     ("tidy-no-y", tidy(N).replace("object,x,y", "object,x,z"), "column `y` missing"),
-    ("tidy-three-d", tidy(N, tail=",0.5").replace("x,y\n", "x,y,z\n", 1), "three coordinates"),
+    ("tidy-no-z", tidy(N, tail=",").replace("x,y\n", "x,y,z\n", 1), "three coordinates"),
     ("tidy-twice", tidy(N) + "vid,0,nose,0,0\n", "is already in line 2"),
     ("tidy-header-only", "sequence,frame,object,x,y\n", "no rows"),
     ("tidy-empty", "", "no header"),
@@ -189,6 +206,11 @@ case("wide-frame-float.csv", table.assign(frame=table.frame.astype(float)).to_cs
 case("wide-scores.csv", table.assign(nose_score=0.9, tail_likelihood=0.8).to_csv(index=False))
 case("wide-twice.csv", wide(N).replace("tail_", "nose_"), refused="column `nose_x` stands twice")
 case("wide-three-d.csv", table.assign(nose_z=1.0).to_csv(index=False), refused="three coordinates")
+columns = {f"{name}_{axis}": SPACE[:, p, a] for p, name in enumerate(NAMES) for a, axis in enumerate("xyz")}
+case("wide-space.csv", pd.DataFrame({"frame": t, **columns}).to_csv(index=False), space=SPACE)
+rows = [("vid", i, p, *SPACE_KEYPOINTS[i, p]) for i in range(T) for p in range(2)]
+columns = ["sequence", "frame", "keypoint", "x", "y", "z"]
+case("keypoints-space.csv", pd.DataFrame(rows, columns=columns).to_csv(index=False), role="keypoints", space=SPACE_KEYPOINTS)
 case("keypoints-wide.csv", wide(ndc(KEYPOINTS)), role="keypoints", notes=["keypoint 0 is `nose`"])
 
 # Tables that are none of those known, with what says which column is what.
@@ -250,7 +272,7 @@ case("eks.csv", deeplabcut(TRUTH, eks).to_csv(), options=SIZED, notes=["`x_ens_m
 zero = deeplabcut(TRUTH, eks)
 zero.loc[:, [c for c in zero.columns if c[-1] == "likelihood"]] = 0.0
 case("eks-likelihood-0.csv", zero.to_csv(), options=SIZED, notes=["the confidence is 0 throughout"])
-case("moseq-three-d.csv", deeplabcut(TRUTH, ("x", "y", "z")).to_csv(), refused="three coordinates", options=SIZED)
+case("moseq-three-d.csv", deeplabcut(TRUTH, ("x", "y", "z")).to_csv(), options=SIZED, space=raised(TRUTH, 0.25))
 case("dlc-without-size.csv", deeplabcut(TRUTH).to_csv(), refused="the size of the images is not known")
 case("keypoints-dlc.csv", deeplabcut(KEYPOINTS).to_csv(), role="keypoints", options=SIZED)
 
@@ -272,7 +294,7 @@ anipose = pd.DataFrame()
 for p, name in enumerate(NAMES):
     anipose[f"{name}_x"], anipose[f"{name}_y"] = TRUTH[:, p].T
     anipose[[f"{name}_z", f"{name}_error", f"{name}_ncams", f"{name}_score"]] = [1.0, 0.1, 2, 0.9]
-case("anipose.csv", anipose.assign(fnum=t).to_csv(index=False), refused="three coordinates", options=SIZED)
+case("anipose.csv", anipose.assign(fnum=t).to_csv(index=False), options=SIZED, space=raised(TRUTH, 1.0))
 boxes = [
     f"{i + 1},{p + 1},{float(TRUTH[i, p, 0] - 5)!r},{float(TRUTH[i, p, 1] - 4)!r},10,8,1,-1,-1,-1"
     for i in range(T)
@@ -362,7 +384,8 @@ case("tap-vid.npz", npz(points=shares, occluded=~seen.T), points=hidden(), objec
 array = io.BytesIO()
 np.save(array, ndc(KEYPOINTS))
 case("keypoints.npy", array.getvalue(), role="keypoints")
-case("points-three-d.npz", npz(keypoints=np.dstack([N, N[..., :1]])), refused="expected [S, T, K, 2]")
+z_noted = ["`keypoints`: the third number of a point is its z"]
+case("points-three-d.npz", npz(keypoints=SPACE), space=SPACE, objects=["point_0", "point_1"], notes=z_noted)
 case("keypoints.npz", npz(keypoints=ndc(KEYPOINTS)), role="keypoints")
 
 

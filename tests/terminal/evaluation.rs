@@ -325,10 +325,10 @@ fn a_saved_evaluation_is_read_again_and_newer_ones_are_refused() {
         value[field] = new;
         value
     };
-    let newer = told(&with("schema", "tracklens/evaluation/4".into()));
+    let newer = told(&with("schema", "tracklens/evaluation/5".into()));
     assert!(
         newer.contains("saved.json")
-            && newer.contains("evaluation/4")
+            && newer.contains("evaluation/5")
             && newer.contains("reads up to"),
         "{newer}"
     );

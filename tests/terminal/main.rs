@@ -22,5 +22,6 @@ mod mutations;
 mod public;
 mod recorder;
 mod report;
+mod space;
 #[cfg(all(feature = "train", unix))]
 mod sweep;

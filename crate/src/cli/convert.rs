@@ -55,7 +55,7 @@ pub(super) enum Target {
     Folder,
     /// NPZ arrays, frames included where there are any
     Npz,
-    /// CSV, one row a point, in ndc
+    /// CSV, one row a point, in ndc (with z in the unit of INPUT)
     Tidy,
     /// COCO keypoints, JSON, in pixels
     Coco,
@@ -129,6 +129,11 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
         }
         (target, points) => {
             let points = points.named()?;
+            let points = match target {
+                Target::Coco => points.in_image("COCO")?,
+                Target::Deeplabcut => points.in_image("DeepLabCut's table of labels")?,
+                _ => points,
+            };
             let bytes = match target {
                 Target::Tidy => ground_truth_csv(&points).into_bytes(),
                 Target::Npz => npz(&points)?,
@@ -153,7 +158,7 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
     Ok(())
 }
 
-/// Points as arrays `keypoints`, S x T x K x 2 in ndc, `names`, and `confidence` where there is one.
+/// Points as arrays `keypoints`, S x T x K x 2 in ndc (in space 3), `names`, and `confidence` where there is one.
 /// Frames without points are NaN.
 fn npz(points: &GroundTruth) -> Result<Vec<u8>> {
     let sequences = ranges(points.keys());
@@ -184,7 +189,8 @@ fn npz(points: &GroundTruth) -> Result<Vec<u8>> {
     if empty > 0 {
         eprintln!("note: {empty} frames without a row become frames in which nothing is visible");
     }
-    let mut xy = ndarray::Array4::from_elem((sequences.len(), length, objects, 2), f64::NAN);
+    let axes = points.axes();
+    let mut xy = ndarray::Array4::from_elem((sequences.len(), length, objects, axes), f64::NAN);
     let shape = (sequences.len(), length, objects);
     let mut confidence = ndarray::Array3::from_elem(shape, f64::NAN);
     for (s, range) in sequences.iter().enumerate() {

@@ -8,6 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use clap::{Args, Subcommand};
 use comfy_table::CellAlignment;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use ndarray::ArrayView1;
 use serde::Serialize;
 
 use super::convert::{CommonArguments, ConvertArguments, Target, write_points};
@@ -113,9 +114,11 @@ struct ObjectInspection {
     visible: usize,
     /// Of these, outside the image.
     outside: usize,
-    /// Smallest and largest, ndc.
+    /// Smallest and largest, ndc; with z in the unit of the file.
     x: Option<[f64; 2]>,
     y: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    z: Option<[f64; 2]>,
 }
 
 fn inspect(arguments: &InspectArguments) -> Result<()> {
@@ -203,10 +206,9 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
         .iter()
         .zip(truth.points_ndc().axis_iter(ndarray::Axis(1)));
     let objects = objects.map(|(name, points)| {
-        let seen: Vec<[f64; 2]> = points
+        let seen: Vec<ArrayView1<f64>> = points
             .rows()
             .into_iter()
-            .map(|p| [p[0], p[1]])
             .filter(|p| p.iter().all(|v| v.is_finite()))
             .collect();
         let range = |axis: usize| {
@@ -218,10 +220,11 @@ fn inspect_truth(truth: &GroundTruth, frames: &[FrameKey]) -> Result<TruthInspec
             visible: seen.len(),
             outside: seen
                 .iter()
-                .filter(|p| p.iter().any(|v| v.abs() > 1.0))
+                .filter(|p| p.len() == 2 && p.iter().any(|v| v.abs() > 1.0))
                 .count(),
             x: range(0),
             y: range(1),
+            z: (truth.axes() == 3).then(|| range(2)).flatten(),
         }
     });
     Ok(TruthInspection {
@@ -257,27 +260,27 @@ fn print_inspection(found: &Inspection) -> Result<()> {
         return Ok(());
     };
     let mut table = comfy_table::Table::new();
-    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header([
-        "object",
-        "visible",
-        "outside the image",
-        "x",
-        "y",
-    ]);
+    let in_space = truth.objects.iter().any(|object| object.z.is_some());
+    let mut header = vec!["object", "visible", "outside the image", "x", "y"];
+    header.extend(in_space.then_some("z"));
+    let columns = header.len();
+    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(header);
     let range = |range: Option<[f64; 2]>| match range {
         Some([low, high]) => format!("{low:.3} to {high:.3}"),
         None => "–".to_owned(),
     };
     for object in &truth.objects {
-        table.add_row([
+        let mut row = vec![
             object.name.clone(),
             object.visible.to_string(),
             object.outside.to_string(),
             range(object.x),
             range(object.y),
-        ]);
+        ];
+        row.extend(in_space.then(|| range(object.z)));
+        table.add_row(row);
     }
-    for column in 1..5 {
+    for column in 1..columns {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
@@ -525,7 +528,7 @@ impl Job<'_> {
             },
         )?;
         if let Some(truth) = &self.truth {
-            let shape = [sequences.len(), length, truth.names().len(), 2];
+            let shape = [sequences.len(), length, truth.names().len(), truth.axes()];
             npz.floats("keypoints", &shape, truth.points_ndc().iter().copied())
                 .map_err(placed)?;
             npz.strings("names", truth.names()).map_err(placed)?;

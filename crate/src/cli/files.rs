@@ -55,6 +55,10 @@ pub(super) struct TruthArguments {
     /// Take positions of exactly (0, 0) in the ground truth for missing
     #[arg(long)]
     zero_is_missing: bool,
+    /// Leave z out of points with three coordinates and score x and y alone, of ground truth and
+    /// keypoints; default: they are scored in space
+    #[arg(long)]
+    xy_only: bool,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
     #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::values::parse_size)]
@@ -107,6 +111,19 @@ impl TruthArguments {
             )
             .at(path.display())
         })
+    }
+
+    /// As [`TruthArguments::need`], of positions in the image.
+    pub fn need_in_image(
+        &self,
+        truth: Option<&Path>,
+        path: &Path,
+        frames: &dyn FrameSource,
+        purpose: &str,
+    ) -> Result<Truth> {
+        let Truth { points, reading } = self.need(truth, path, frames, purpose)?;
+        let points = points.in_image(purpose)?;
+        Ok(Truth { points, reading })
     }
 
     /// Reads a table whose positions belong to `frames`.
@@ -162,6 +179,7 @@ impl TruthArguments {
             image_size: self.image_size,
             flip: self.flip,
             zero_is_missing: self.zero_is_missing.then_some(true),
+            xy_only: self.xy_only,
         }
     }
 
@@ -494,6 +512,7 @@ pub(super) fn read_keypoints(
         image_size: arguments.image_size,
         flip: reading.keypoints_flip,
         zero_is_missing: reading.keypoints_zero_is_missing.then_some(true),
+        xy_only: arguments.xy_only,
     };
     keypoints_of(path, &options, reading.keypoints_columns.as_ref())
 }

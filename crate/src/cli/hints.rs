@@ -90,7 +90,7 @@ fn option(remedy: &Remedy) -> String {
         Remedy::Unit { side, space } => {
             let size = match space {
                 Space::Pixels => " (with --image-size WxH where the size is not known)",
-                Space::Ndc | Space::Fraction => "",
+                Space::Ndc | Space::Fraction | Space::World => "",
             };
             format!("{} {}{size}", of(side, "space"), space.name())
         }

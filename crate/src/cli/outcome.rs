@@ -45,7 +45,12 @@ pub(super) fn print(report: &EvaluationReport) -> Result<()> {
         say!("{}", drawn(&temporal(report, measures)));
     }
     say!(
-        "error: mean squared distance in ndc; map: {}, rank rule: {}, fitted and scored on the same frames",
+        "error: mean squared distance in {}; map: {}, rank rule: {}, fitted and scored on the same frames",
+        if report.is_in_space() {
+            "the squared unit of the ground truth"
+        } else {
+            "ndc"
+        },
         report.transform,
         report.rank
     );

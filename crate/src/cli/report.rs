@@ -90,7 +90,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<()> {
     let mut figures = runs_figures(&runs, &report)?;
     if let Some(path) = &arguments.frames {
         let frames = arguments.reading.open(path)?;
-        let truth = arguments.reading.need(
+        let truth = arguments.reading.need_in_image(
             arguments.truth.as_deref(),
             path,
             &*frames,

@@ -13,21 +13,23 @@ use super::terminal::own_command;
 use super::values::{parse_finite, parse_html_path};
 use crate::atomic;
 use crate::command_line;
-use crate::data::{Alignment, Columns, Reading};
+use crate::data::{Alignment, Camera, Columns, Projected, Reading};
 use crate::error::{Error, Result};
 use crate::evaluation::doctor::{Subject, examine};
 use crate::evaluation::{
-    EvaluationReport, JoinReport, Matching, MinConfidence, Request, Scoring, Threshold, Thresholds,
+    CameraReport, EvaluationReport, JoinReport, Matching, MinConfidence, Request, Scoring,
+    Threshold, Thresholds,
 };
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
 use crate::track::KeypointTrack;
+use crate::weights::read;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArguments {
     /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the
     /// image, y down) or with two columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO
-    /// keypoints (JSON), or a recording (.npz, .hdf5)
+    /// keypoints (JSON), or a recording (.npz, .hdf5); with a z (cube_z) in space, in any unit
     #[arg(long = command_line::TRUTH, value_name = "GT.csv")]
     truth: PathBuf,
     /// Keypoints: CSV with the columns sequence,frame,keypoint,x,y (keypoints counted from 0),
@@ -55,9 +57,13 @@ pub(super) struct ScoringArguments {
     #[command(flatten)]
     thresholds: ThresholdArguments,
     /// When a direction counts as no motion: reference (as the authors' code) or centred (in any
-    /// unit)
-    #[arg(long = command_line::RANK, default_value = "reference")]
-    rank: Rank,
+    /// unit); default: reference, and centred of keypoints with three coordinates
+    #[arg(long = command_line::RANK, value_name = "RANK")]
+    rank: Option<Rank>,
+    /// Camera as JSON (docs/formats.md): it projects a ground truth with three coordinates into its
+    /// image, in which it is scored then
+    #[arg(long, value_name = "CAMERA.json")]
+    camera: Option<PathBuf>,
     /// Frames in which a keypoint is missing: exclude-point (left out for that keypoint and counted),
     /// exclude-frame (left out for all) or error
     #[arg(long = command_line::NON_FINITE, value_name = "POLICY", default_value = "exclude-point")]
@@ -142,8 +148,9 @@ pub(super) struct ScoringArguments {
 /// The thresholds on the errors; shared by `score`, `eval` and `report`.
 #[derive(Debug, Args)]
 pub(super) struct ThresholdArguments {
-    /// Threshold on an object's error (mean squared distance, ndc); repeatable. Default: cube
-    /// 0.015, target 0.015, eef 0.1, others 0.015
+    /// Threshold on an object's error (mean squared distance, ndc, or the unit of a ground truth in
+    /// space); repeatable. Default: cube 0.015, target 0.015, eef 0.1, others 0.015; in space that
+    /// times the square of half the longest side of the box around all objects
     #[arg(long = command_line::THRESHOLD, value_name = "NAME=VALUE")]
     thresholds: Vec<Threshold>,
 }
@@ -181,11 +188,22 @@ impl ScoringArguments {
         self.report.as_deref().map_or(Ok(()), atomic::check)
     }
 
-    fn request(&self, image_size: Option<[u32; 2]>) -> Result<Request> {
+    /// The ground truth as the camera sees it, where there is one.
+    fn projected(&self, truth: &Truth) -> Result<Option<(Camera, Projected)>> {
+        let Some(path) = &self.camera else {
+            return Ok(None);
+        };
+        let camera = Camera::parse(&read(path)?, &path.to_string_lossy())?;
+        let projected = camera.project(&truth.points);
+        Ok(Some((camera, projected.map_err(|e| e.at(path.display()))?)))
+    }
+
+    /// `axes` is the number of coordinates of a keypoint.
+    fn request(&self, image_size: Option<[u32; 2]>, axes: usize) -> Result<Request> {
         Ok(Request {
             settings: Settings {
                 transform: self.transform,
-                rank: self.rank,
+                rank: self.rank.unwrap_or(Rank::of_axes(axes)),
                 rare_keypoints: self.rare_keypoints,
             },
             thresholds: self.thresholds.parse()?,
@@ -217,15 +235,25 @@ impl ScoringArguments {
             least: MinConfidence::new(self.min_confidence, self.truth_min_confidence)?,
             alignment,
         };
-        let points = &truth.points;
+        let projected = self.projected(truth)?;
+        let camera = projected.as_ref();
+        let points = camera.map_or(&truth.points, |(_, image)| &image.truth);
+        let image_size = image_size.or(camera.map(|(camera, _)| camera.image_size));
         let scoring = Scoring::matched(points, keypoints, self.non_finite, matching)?;
         let join = JoinReport::new(scoring.join(), keypoints.keys(), points.keys());
-        let request = self.request(image_size)?;
+        let request = self.request(image_size, keypoints.axes())?;
         let mut report = request.evaluate(&scoring, &join)?;
+        if let Some((_, image)) = camera {
+            report.take_camera(CameraReport {
+                projected: image.projected,
+                behind: image.behind,
+            });
+        }
         report.temporal = request.temporal(&scoring)?;
         report.findings = examine(&Subject {
             truth: points,
-            truth_reading: truth.reading.as_ref(),
+            // What a camera projects is no longer what the file says.
+            truth_reading: truth.reading.as_ref().filter(|_| camera.is_none()),
             keypoints,
             keypoints_reading: Some(keypoints_reading),
             join: scoring.join(),

@@ -298,7 +298,7 @@ impl TrainArguments {
     /// Frames and truth, read as the training needs them.
     fn dataset(&self, config: &TrainConfig, cancel: &Cancel) -> Result<Dataset> {
         let frames = self.reading.open(&self.data)?;
-        let truth = self.reading.need(
+        let truth = self.reading.need_in_image(
             self.truth.as_deref(),
             &self.data,
             &*frames,

@@ -280,7 +280,8 @@ fn scene(
             let [x, y] = point.map(f64::from);
             path.truth.push(truth(t, k));
             path.keypoint.push(grid.to_image([x, y]));
-            path.transformed.push(map.apply([x, y]));
+            let mapped = map.apply(&[x, y]);
+            path.transformed.push([mapped[0], mapped[1]]);
         }
     }
     let small = shrunk(frames.read(range.start)?)?;

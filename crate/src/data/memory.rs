@@ -1,6 +1,6 @@
 //! Frames and points that are in memory already, as the caller of a library has them.
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, s};
 
 use super::frames::FrameIndex;
 use super::image::Frame;
@@ -10,7 +10,7 @@ use super::reading::{
 };
 use super::source::FrameSource;
 use crate::error::{Error, Result};
-use crate::track::{GroundTruth, KeypointTrack};
+use crate::track::{GroundTruth, KeypointTrack, MOST_AXES};
 
 /// Frames of one sequence.
 pub struct FramesInMemory {
@@ -43,7 +43,7 @@ impl FrameSource for FramesInMemory {
 pub struct PointSequences(Points);
 
 impl PointSequences {
-    /// `sequences` holds T x N x 2 numbers of each, `confidence` T x N where the points have one.
+    /// `sequences` holds T x N x 2 numbers of each, or T x N x 3 in space, `confidence` T x N where the points have one.
     /// `name` says in messages what they are.
     ///
     /// # Errors
@@ -55,38 +55,50 @@ impl PointSequences {
         confidence: Option<&[ArrayView2<f64>]>,
         options: &TableOptions,
     ) -> Result<Self> {
-        let points = sequences.first().map_or(0, |first| first.dim().1);
+        let (points, axes) = match sequences.first().map(ArrayView3::dim) {
+            Some((_, points, axes)) => (points, axes),
+            None => (0, 2),
+        };
         if sequences.is_empty() {
             return Err(Error::input(format!(
                 "`{name}` has no sequence; expected at least one"
             )));
         }
         for (s, sequence) in sequences.iter().enumerate() {
-            check(sequence.dim(), points).map_err(|e| e.at(format!("`{name}`, sequence {s}")))?;
+            check(sequence.dim(), points, axes)
+                .map_err(|e| e.at(format!("`{name}`, sequence {s}")))?;
         }
         let lengths: Vec<usize> = sequences.iter().map(|one| one.dim().0).collect();
         let rows = lengths.iter().sum();
         let confidence = confidence
             .map(|all| joined(name, all, &lengths, points))
             .transpose()?;
-        let reading = Reading {
+        let mut reading = Reading {
             axes: Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
             space: Known::of(options.space, Space::Ndc, Ground::Guess),
             // Frames are the positions in the array.
             index_base: Known::of(None, 0, Ground::File),
             ..Reading::new(Layout::Arrays, options)
         };
+        let coordinates = if options.xy_only { 2 } else { axes };
+        if coordinates == 3 {
+            reading.in_space(options)?;
+        }
         if reading.space.value == Space::Pixels && options.image_size.is_none() {
             let positions = format!("the positions of `{name}`");
             return Err(missing_image_size(&positions, reading.space.by));
         }
-        let mut values: Vec<f64> = sequences.iter().flatten().copied().collect();
-        place(&mut values, &reading, options);
-        let values = Array3::from_shape_vec((rows, points, 2), values)
+        let kept = |sequence: &ArrayView3<f64>| {
+            let kept = sequence.slice(s![.., .., ..coordinates]);
+            kept.iter().copied().collect::<Vec<f64>>()
+        };
+        let mut values: Vec<f64> = sequences.iter().flat_map(kept).collect();
+        place(&mut values, coordinates, &reading, options);
+        let values = Array3::from_shape_vec((rows, points, coordinates), values)
             .map_err(|e| Error::input(format!("`{name}`: {e}")))?;
         Ok(Self(Points {
             name,
-            shape: vec![rows as u64, points as u64, 2],
+            shape: vec![rows as u64, points as u64, coordinates as u64],
             lengths,
             names: numbered(points),
             values,
@@ -118,11 +130,21 @@ impl PointSequences {
     }
 }
 
-/// Checks the shape of a sequence whose neighbours have so many `points`.
-fn check((frames, own, numbers): (usize, usize, usize), points: usize) -> Result<()> {
+/// Checks the shape of a sequence whose neighbours have so many `points` of so many coordinates.
+fn check((frames, own, numbers): (usize, usize, usize), points: usize, axes: usize) -> Result<()> {
     let wrong = match (frames, own, numbers) {
-        (_, _, numbers) if numbers != 2 => {
-            format!("the last axis has {numbers} numbers; expected 2, (x, y)")
+        (_, _, numbers) if !(2..=MOST_AXES).contains(&numbers) => {
+            let in_space = if MOST_AXES == 3 {
+                ", or 3, (x, y, z)"
+            } else {
+                ""
+            };
+            format!("the last axis has {numbers} numbers; expected 2, (x, y){in_space}")
+        }
+        (_, _, numbers) if numbers != axes => {
+            format!(
+                "the last axis has {numbers} numbers; expected {axes}, as in the first sequence"
+            )
         }
         (0, _, _) => "the axis of frames is empty; expected at least one".to_owned(),
         (_, 0, _) => "the axis of points is empty; expected at least one".to_owned(),

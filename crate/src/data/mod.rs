@@ -6,6 +6,8 @@ mod archive_name;
 mod arrays;
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 mod blocks;
+#[cfg(feature = "space")]
+mod camera;
 mod decode;
 mod export;
 mod frame_array;
@@ -33,6 +35,8 @@ pub use archive::{
 };
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 pub(crate) use blocks::for_blocks;
+#[cfg(feature = "space")]
+pub use camera::{Camera, Projected};
 pub use export::Export;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]

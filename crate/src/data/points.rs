@@ -1,6 +1,6 @@
 //! Points in an array of a recording.
 
-use ndarray::{Array2, Array3};
+use ndarray::{Array2, Array3, s};
 
 use super::arrays::{
     ArrayFile, CONFIDENCES, NODES, POINTS, TRACKS, Values, check_frames, count, find, listed,
@@ -12,7 +12,7 @@ use super::reading::{
 };
 use crate::error::{Error, Reason, Result};
 use crate::memory;
-use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+use crate::track::{FrameKey, GroundTruth, KeypointTrack, MOST_AXES};
 
 /// The points of a recording as a ground truth; it need not have frames.
 pub(super) fn ground_truth(
@@ -52,13 +52,13 @@ pub(super) fn no_numbers(name: &str, dtype: &str) -> Error {
     ))
 }
 
-/// An array of points, (x, y).
+/// An array of points, (x, y) or (x, y, z).
 pub(super) struct Points {
     pub name: &'static str,
     pub shape: Vec<u64>,
     /// The number of frames of every sequence.
     pub lengths: Vec<usize>,
-    /// The frames of all sequences x points x 2.
+    /// The frames of all sequences x points x 2, or 3 in space.
     pub values: Array3<f64>,
     /// Frames x points, where the file says how sure they are.
     pub confidence: Option<Array2<f64>>,
@@ -71,7 +71,7 @@ pub(super) struct Points {
 /// How an array of points is arranged.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Arrangement {
-    /// `[S, T, K, 2]` or `[T, K, 2]`.
+    /// `[S, T, K, 2]` or `[T, K, 2]`, or 3 in the last axis.
     Frames,
     /// `[K, T, 2]`, as TAP-Vid has it.
     Points,
@@ -89,19 +89,25 @@ impl Arrangement {
         })
     }
 
-    /// Sequences, frames and points of an array of this shape.
-    fn sizes(self, shape: &[u64]) -> Option<[u64; 3]> {
-        Some(match (self, shape) {
-            (Self::Frames, &[s, t, k, 2]) => [s, t, k],
-            (Self::Frames, &[t, k, 2]) => [1, t, k],
+    /// Sequences, frames, points and their coordinates of an array of this shape.
+    fn sizes(self, shape: &[u64]) -> Option<([u64; 3], usize)> {
+        let axes = match shape.last() {
+            Some(3) if self == Self::Frames && MOST_AXES == 3 => 3,
+            _ => 2,
+        };
+        let sizes = match (self, shape) {
+            (Self::Frames, &[s, t, k, last]) if last == axes as u64 => [s, t, k],
+            (Self::Frames, &[t, k, last]) if last == axes as u64 => [1, t, k],
             (Self::Points, &[k, t, 2]) => [1, t, k],
             (Self::Sleap, &[i, 2, k, t]) => [1, t, i.checked_mul(k)?],
             _ => return None,
-        })
+        };
+        Some((sizes, axes))
     }
 
     fn expected(self) -> &'static str {
         match self {
+            Self::Frames if MOST_AXES == 3 => "[S, T, K, 2] or [T, K, 2], or 3 in the last axis",
             Self::Frames => "[S, T, K, 2] or [T, K, 2]",
             Self::Points => "[K, T, 2]",
             Self::Sleap => "[I, 2, K, T]",
@@ -144,7 +150,8 @@ impl Points {
             return Ok(None);
         };
         let arrangement = Arrangement::of(file, name)?;
-        let [sequences, frames, points] = arrangement.sizes(&info.shape).ok_or_else(|| {
+        let sizes = arrangement.sizes(&info.shape);
+        let ([sequences, frames, points], axes_in_file) = sizes.ok_or_else(|| {
             Error::input(format!(
                 "`{name}` ({}) has shape {:?}; expected {}",
                 info.dtype,
@@ -162,7 +169,7 @@ impl Points {
             (sequences as u64)
                 .saturating_mul(frames as u64)
                 .saturating_mul(points as u64)
-                .saturating_mul(2 * 8 * 3),
+                .saturating_mul(axes_in_file as u64 * 8 * 3),
             "positions",
             "is the file damaged?",
         )
@@ -173,7 +180,15 @@ impl Points {
         };
         let rows = sequences * frames;
         let given = floats(file.read(name, &[])?);
+        let coordinates = if options.xy_only { 2 } else { axes_in_file };
         let mut values: Vec<f64> = match arrangement {
+            Arrangement::Frames if coordinates < axes_in_file => {
+                let points = given.chunks_exact(axes_in_file);
+                points
+                    .flat_map(|point| &point[..coordinates])
+                    .copied()
+                    .collect()
+            }
             Arrangement::Frames => given,
             _ => {
                 let all = (0..rows * points * 2).map(|i| [i / 2 / points, i / 2 % points, i % 2]);
@@ -200,6 +215,11 @@ impl Points {
             text: format!("`{name}` is read as {}: {source}", axes.value),
             reason,
         }];
+        if coordinates < axes_in_file {
+            notices.push(format!("`{name}`: z is left out of {points} points").into());
+        } else if coordinates == 3 {
+            notices.push(format!("`{name}`: the third number of a point is its z").into());
+        }
         notices.extend(file.left_out().iter().cloned().map(Notice::from));
         // TAP-Vid's points go from 0 to 1 across the image.
         let is_share =
@@ -212,7 +232,7 @@ impl Points {
             _ if is_share => (Space::Fraction, Ground::File),
             _ => (Space::Ndc, Ground::Guess),
         };
-        let reading = Reading {
+        let mut reading = Reading {
             layout: Layout::Arrays,
             space: Known::of(options.space, space, by),
             axes,
@@ -220,8 +240,11 @@ impl Points {
             index_base: Known::of(None, 0, Ground::File),
             ..Reading::new(Layout::Arrays, options)
         };
+        if coordinates == 3 {
+            reading.in_space(options)?;
+        }
         let lacks_size = reading.space.value == Space::Pixels && options.image_size.is_none();
-        place(&mut values, &reading, options);
+        place(&mut values, coordinates, &reading, options);
         let mut no_names = |problem: &Error| {
             notices.push(format!("{problem}: points have numbers").into());
         };
@@ -245,12 +268,13 @@ impl Points {
             (_, Ok(None)) => numbered(points),
         };
         let length = values.len();
-        let mut values = Array3::from_shape_vec((rows, points, 2), values).map_err(|_| {
-            Error::input(format!(
-                "`{name}` holds {length} values for shape {:?}",
-                info.shape
-            ))
-        })?;
+        let mut values =
+            Array3::from_shape_vec((rows, points, coordinates), values).map_err(|_| {
+                Error::input(format!(
+                    "`{name}` holds {length} values for shape {:?}",
+                    info.shape
+                ))
+            })?;
         let confidence = confidence(file, arrangement, &mut values, individuals, &mut notices)?;
         if lacks_size {
             return Err(missing_image_size(
@@ -309,11 +333,21 @@ impl Points {
 }
 
 /// Swaps and places `values`, (x, y) or (y, x) of one point after the other, so that they are (x, y)
-/// in ndc. Those in pixels of images of unknown size stay as they are.
-pub(super) fn place(values: &mut [f64], reading: &Reading, options: &TableOptions) {
-    for point in values.chunks_exact_mut(2) {
+/// in ndc. Those in pixels of images of unknown size stay as they are, and so do those of three
+/// `coordinates`, but for the order of the first two.
+pub(super) fn place(
+    values: &mut [f64],
+    coordinates: usize,
+    reading: &Reading,
+    options: &TableOptions,
+) {
+    for point in values.chunks_exact_mut(coordinates) {
         if reading.axes.value == AxisOrder::Yx {
             point.swap(0, 1);
+        }
+        if let [x, y, z] = *point {
+            point.copy_from_slice(&options.place_in_space([x, y, z]));
+            continue;
         }
         let at = [point[0], point[1]];
         if let Some(placed) = options.place(at, reading.space.value, options.image_size) {
@@ -378,8 +412,7 @@ fn confidence(
         };
         let says_visible = ["visibility", "visibles", "occluded"].contains(&name);
         if says_visible && *confidence == 0.0 {
-            points[[t, k, 0]] = f64::NAN;
-            points[[t, k, 1]] = f64::NAN;
+            points.slice_mut(s![t, k, ..]).fill(f64::NAN);
         }
     }
     Ok(Some(confidence))

@@ -96,6 +96,25 @@ impl Reading {
         }
     }
 
+    /// Takes the points for some in space, in the unit of their file.
+    ///
+    /// # Errors
+    /// When a person said a unit of the image.
+    pub(super) fn in_space(&mut self, options: &TableOptions) -> Result<()> {
+        if let Some(said) = options.space {
+            return Err(Error::input(format!(
+                "positions have three coordinates and are read in the unit of the file; `{}` is a unit of positions in \
+                 the image: leave it out, or score x and y alone (--xy-only)",
+                said.name()
+            )));
+        }
+        self.space = Known {
+            value: Space::World,
+            by: Ground::File,
+        };
+        Ok(())
+    }
+
     /// Of points that were extracted here.
     pub fn of_extraction() -> Self {
         let mut reading = Self::new(Layout::Extraction, &TableOptions::default());
@@ -163,22 +182,25 @@ pub enum Space {
     Pixels,
     /// Shares of the width and the height: 0 and 1 at the outer edges of the image.
     Fraction,
+    /// That of the file, of points with three coordinates.
+    World,
 }
 
 impl Space {
-    /// `ndc`, `px` or `fraction`.
+    /// `ndc`, `px`, `fraction` or `world`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ndc => "ndc",
             Self::Pixels => "px",
             Self::Fraction => "fraction",
+            Self::World => "world",
         }
     }
 
     /// A position in this unit in ndc; None where it takes the size of the image and there is none.
     pub(super) fn to_ndc(self, at: [f64; 2], image_size: Option<[u32; 2]>) -> Option<[f64; 2]> {
         match self {
-            Self::Ndc => Some(at),
+            Self::Ndc | Self::World => Some(at),
             Self::Pixels => image_size.map(|size| ndc_from_pixels(at, size)),
             Self::Fraction => Some(at.map(|v| 2.0 * v - 1.0)),
         }
@@ -306,6 +328,8 @@ pub struct TableOptions {
     /// Whether a position of exactly (0, 0), as the file has it, means that the point was not
     /// found; default: no.
     pub zero_is_missing: Option<bool>,
+    /// Whether z is left out of points with three coordinates; default: no, they are in space.
+    pub xy_only: bool,
 }
 
 impl TableOptions {
@@ -327,12 +351,27 @@ impl TableOptions {
             return Some([f64::NAN; 2]);
         }
         let mut placed = space.to_ndc(at, image_size)?;
-        for (value, is_flipped) in placed.iter_mut().zip(self.flip.unwrap_or_default().axes()) {
+        self.flip(&mut placed);
+        Some(placed)
+    }
+
+    /// A position in space, which stays in the unit of its file; not finite where it means that the
+    /// point is missing.
+    pub(super) fn place_in_space(&self, at: [f64; 3]) -> [f64; 3] {
+        if self.zero_is_missing == Some(true) && at == [0.0; 3] {
+            return [f64::NAN; 3];
+        }
+        let mut placed = at;
+        self.flip(&mut placed);
+        placed
+    }
+
+    fn flip(&self, point: &mut [f64]) {
+        for (value, is_flipped) in point.iter_mut().zip(self.flip.unwrap_or_default().axes()) {
             if is_flipped {
                 *value = -*value;
             }
         }
-        Some(placed)
     }
 }
 
@@ -431,7 +470,12 @@ pub(super) fn point_notices(points: &Array3<f64>, missing: &str) -> Vec<Notice> 
             },
         )
     });
-    notice.into_iter().chain(unit_notice(points)).collect()
+    // What is in space is in the unit of its file.
+    let unit = match points.dim().2 {
+        2 => unit_notice(points),
+        _ => None,
+    };
+    notice.into_iter().chain(unit).collect()
 }
 
 /// What looks like another unit than ndc.

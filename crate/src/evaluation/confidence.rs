@@ -1,6 +1,6 @@
 //! Points that a detector is not sure of, and how the score depends on how sure it has to be.
 
-use ndarray::{Array2, Array3};
+use ndarray::{Array2, Array3, s};
 
 use crate::error::{Error, Result};
 
@@ -35,11 +35,9 @@ impl MinConfidence {
 pub(super) fn hide(points: &mut Array3<f64>, confidence: &Array2<f64>, least: f64) -> u64 {
     let mut hidden = 0;
     for ((t, n), confidence) in confidence.indexed_iter() {
-        let position = [points[[t, n, 0]], points[[t, n, 1]]];
+        let mut position = points.slice_mut(s![t, n, ..]);
         if *confidence < least && position.iter().all(|v| v.is_finite()) {
-            for axis in 0..2 {
-                points[[t, n, axis]] = f64::NAN;
-            }
+            position.fill(f64::NAN);
             hidden += 1;
         }
     }

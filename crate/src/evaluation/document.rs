@@ -1,5 +1,5 @@
-//! An evaluation as JSON (schema `tracklens/evaluation/3`, which `docs/metrics.md`
-//! describes).
+//! An evaluation as JSON (schema `tracklens/evaluation/3`, or 4 of points in space, which
+//! `docs/metrics.md` describes).
 
 use serde::{Deserialize, Serialize};
 
@@ -12,22 +12,25 @@ use crate::metric::context::{Assignment, CLOSE, Regression};
 use crate::metric::{
     AffineMap, Evaluation, HeldOut, HeldOutObject, Intervals, Sufficiency, Transform,
 };
-use crate::track::FrameKey;
+use crate::track::{FrameKey, MOST_AXES};
 
 /// The name of the schema, before its number.
 const SCHEMA: &str = "tracklens/evaluation/";
-/// The newest schema, which is the one that is written. 1 had no join, sequences, context, size of
+/// The newest schema, in which points may be in space. 1 had no join, sequences, context, size of
 /// images and command; before 3 the TC was always a number.
-const NEWEST: u32 = 3;
+const NEWEST: u32 = if MOST_AXES == 3 { 4 } else { IN_IMAGE };
+/// The schema of points in the image, which is written of them.
+const IN_IMAGE: u32 = 3;
 
 /// How many names of unmatched frames a report shows.
 const SHOWN: usize = 5;
 
-/// The result of scoring one detector, as written to JSON. Points and errors are in ndc, (x, y).
+/// The result of scoring one detector, as written to JSON. Points and errors are in ndc, (x, y), or
+/// in the unit of a ground truth in space ([`dimensions`](Self::dimensions)).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct EvaluationReport {
-    /// `tracklens/evaluation/3`.
+    /// `tracklens/evaluation/3`; 4 where points are in space.
     pub schema: String,
     /// The version that computed it.
     pub version: String,
@@ -62,6 +65,13 @@ pub struct EvaluationReport {
     /// Width and height of the images in pixels, where they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<[u32; 2]>,
+    /// How many coordinates points have, where some are in space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dimensions: Option<Dimensions>,
+    /// Which positions a camera put into the image, where the ground truth was in space and there is
+    /// one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraReport>,
     /// How frames were matched to rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub join: Option<JoinReport>,
@@ -88,6 +98,24 @@ pub struct EvaluationReport {
     /// How good the best keypoints are over time, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temporal: Option<TemporalReport>,
+}
+
+/// How many coordinates points have, 2 in the image and 3 in space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Dimensions {
+    /// A keypoint.
+    pub keypoints: usize,
+    /// A position of the ground truth. With 3, errors and thresholds are in its unit, squared.
+    pub truth: usize,
+}
+
+/// A ground truth in space, put into the image by a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CameraReport {
+    /// Positions in front of the camera.
+    pub projected: u64,
+    /// Positions behind it, which count as not visible.
+    pub behind: u64,
 }
 
 /// Points that are not sure, and the TC as a function of how sure keypoints have to be.
@@ -359,7 +387,7 @@ pub struct ObjectReport {
     pub frames: u64,
     /// How many of them it lies outside the image in; they are included.
     pub outside: u64,
-    /// `truth = a z + b` on column vectors (x, y).
+    /// `truth = a z + b` on column vectors (x, y), or (x, y, z).
     pub map: Option<AffineMap>,
 }
 
@@ -402,6 +430,9 @@ impl EvaluationReport {
         image_size: Option<[u32; 2]>,
         join: Option<&JoinReport>,
     ) -> Self {
+        let in_image = evaluation.axes == [2; 2];
+        // Only what is in the image has an error in its pixels.
+        let pixels = image_size.filter(|_| evaluation.axes[1] == 2);
         let objects: Vec<ObjectReport> = evaluation
             .objects
             .iter()
@@ -427,7 +458,7 @@ impl EvaluationReport {
                     error: fit.map(|f| f.error()),
                     error_sum: fit.map(|f| f.error_sum()),
                     rmse: fit.map(|f| f.rmse()),
-                    rmse_px: fit.zip(image_size).map(|(f, size)| f.rmse_px(size)),
+                    rmse_px: fit.zip(pixels).map(|(f, size)| f.rmse_px(size)),
                     frames: object.frames,
                     outside: object.outside,
                     map: fit.map(|f| f.map),
@@ -436,7 +467,7 @@ impl EvaluationReport {
             .collect();
         let finite = |e: &f64| Some(*e).filter(|e| e.is_finite());
         Self {
-            schema: format!("{SCHEMA}{NEWEST}"),
+            schema: format!("{SCHEMA}{}", if in_image { IN_IMAGE } else { NEWEST }),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: None,
             tc: Some(evaluation.tracking_capability),
@@ -463,6 +494,11 @@ impl EvaluationReport {
             findings: Vec::new(),
             objects,
             image_size,
+            dimensions: (!in_image).then_some(Dimensions {
+                keypoints: evaluation.axes[0],
+                truth: evaluation.axes[1],
+            }),
+            camera: None,
             join: join.cloned(),
             sufficiency: None,
             confidence: None,
@@ -471,6 +507,37 @@ impl EvaluationReport {
             sequences: None,
             context: None,
             temporal: None,
+        }
+    }
+
+    /// Whether errors are in the unit of a ground truth in space, not in ndc.
+    pub fn is_in_space(&self) -> bool {
+        self.dimensions
+            .is_some_and(|dimensions| dimensions.truth == 3)
+    }
+
+    /// Takes up that a camera put the ground truth into the image.
+    pub fn take_camera(&mut self, camera: CameraReport) {
+        if camera.behind > 0 {
+            self.warnings.push(format!(
+                "{} of {} positions lie behind the camera and count as not visible",
+                camera.behind,
+                camera.behind + camera.projected
+            ));
+        }
+        self.camera = Some(camera);
+    }
+
+    /// Says that the thresholds of `names`, which are defaults, are times `unit`.
+    pub(super) fn take_threshold_unit(&mut self, names: &[&str], unit: f64) {
+        if unit != 1.0 && !names.is_empty() {
+            self.warnings.push(format!(
+                "the thresholds of {} are the defaults of an image, with the longest side of the box around all \
+                 objects ({:.6}) in the place of its side; give your own with --threshold, in the squared unit of \
+                 the ground truth",
+                names.join(", "),
+                2.0 * unit.sqrt()
+            ));
         }
     }
 
@@ -551,7 +618,7 @@ impl EvaluationReport {
             }
             _ => {
                 return Err(wrong(format!(
-                    "the schema is `{schema}`; expected `{SCHEMA}{NEWEST}`, as `tracklens score --json` writes it"
+                    "the schema is `{schema}`; expected `{SCHEMA}{IN_IMAGE}` or {NEWEST}, as `tracklens score --json` writes it"
                 )));
             }
         }
@@ -600,8 +667,24 @@ fn why_unknown(found: &Sufficiency, threshold: f64) -> String {
     )
 }
 
+/// What the map is between points of which one has more coordinates than the other.
+fn on_dimensions(axes: [usize; 2]) -> Option<String> {
+    let text = match axes {
+        [2, 3] => {
+            "keypoints have two coordinates and the ground truth three: the map is the best linear one from the \
+             image into space, and errors are in the unit of the ground truth"
+        }
+        [3, 2] => {
+            "keypoints have three coordinates and the ground truth two: the map is the best linear one from space \
+             into the image, and errors are in ndc"
+        }
+        _ => return None,
+    };
+    Some(text.to_owned())
+}
+
 fn warnings(evaluation: &Evaluation) -> Vec<String> {
-    let mut out = Vec::new();
+    let mut out: Vec<String> = on_dimensions(evaluation.axes).into_iter().collect();
     for object in &evaluation.objects {
         if object.best.is_none() {
             let why = if object.frames == 0 {

@@ -38,9 +38,10 @@ mod unmatched;
 
 pub use confidence::MinConfidence;
 pub use document::{
-    AssignmentReport, ConfidenceLevel, ConfidenceReport, ContextReport, EvaluationReport,
-    HeldOutReport, IntervalReport, IntervalsReport, JoinReport, KeypointError, MeasureReport,
-    ObjectReport, RegressionReport, SequenceReport, SequencesReport, TemporalReport, Unmatched,
+    AssignmentReport, CameraReport, ConfidenceLevel, ConfidenceReport, ContextReport, Dimensions,
+    EvaluationReport, HeldOutReport, IntervalReport, IntervalsReport, JoinReport, KeypointError,
+    MeasureReport, ObjectReport, RegressionReport, SequenceReport, SequencesReport, TemporalReport,
+    Unmatched,
 };
 pub use request::Request;
 pub use scoring::{Context, Matching, Scoring, SequenceError, Series};

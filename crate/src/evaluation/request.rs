@@ -49,6 +49,14 @@ impl Request {
         let (thresholds, settings, seed) = (&self.thresholds, &self.settings, self.seed);
         let evaluation = scoring.evaluate(thresholds, settings)?;
         let mut report = EvaluationReport::new(&evaluation, self.image_size, Some(join));
+        let given = |name: &&str| thresholds.given().iter().all(|own| own.object() != *name);
+        let defaults: Vec<&str> = scoring
+            .objects()
+            .iter()
+            .map(String::as_str)
+            .filter(given)
+            .collect();
+        report.take_threshold_unit(&defaults, scoring.threshold_unit());
         report.judge(scoring.sufficiency(thresholds)?);
         if let Some(confidence) = self.confidence(scoring)? {
             report.take_confidence(confidence);

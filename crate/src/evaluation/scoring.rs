@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::memory;
 use crate::metric::context::{Assignment, Regression, assignment, regression};
 use crate::metric::{
-    Accumulator, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
+    Accumulator, Axes, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
     Settings, Sufficiency, deal, farthest_frame, held_out, sufficiency,
 };
 use crate::track::{FrameKey, GroundTruth, KeypointTrack};
@@ -39,6 +39,8 @@ pub struct Scoring {
     moments: Moments,
     confidence: Confidence,
     by_sequence: OnceLock<Arc<[Moments]>>,
+    /// What the default thresholds are times, which are for positions in ndc.
+    threshold_unit: f64,
 }
 
 /// How sure the points are, and what was hidden for it.
@@ -70,14 +72,14 @@ pub(super) struct Level {
     moments: Moments,
 }
 
-/// One object and one keypoint over the joined frames, T x 2 each.
+/// One object and one keypoint over the joined frames, T x 2 each, or T x 3 in space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// The object, ndc; NaN where it is not visible.
+    /// The object, in ndc or the unit of a ground truth in space; NaN where it is not visible.
     pub truth_ndc: Array2<f64>,
     /// The keypoint as it is.
     pub keypoint: Array2<f64>,
-    /// The keypoint under the fitted map, ndc.
+    /// The keypoint under the fitted map, as the object.
     pub transformed_ndc: Array2<f64>,
 }
 
@@ -150,7 +152,9 @@ impl Scoring {
                 confidence: confidence_of(confidence, &left),
             })
         });
-        check_pairs(&points, truth.names().len(), given.is_some())?;
+        let objects = truth.names().len();
+        let axes = [keypoints.axes(), truth.axes()];
+        check_pairs(&points, axes, objects, given.is_some())?;
         let hidden_keypoints = least.keypoints.zip(given.as_ref());
         let hidden_keypoints =
             hidden_keypoints.map(|(least, given)| hide(&mut points, &given.confidence, least));
@@ -158,7 +162,7 @@ impl Scoring {
         let hidden_truth = hidden_truth.map(|(least, confidence)| {
             hide(&mut truth_ndc, &confidence_of(confidence, &right), least)
         });
-        let mut accumulator = Accumulator::new(keypoints.keypoints(), truth.names().len(), policy);
+        let mut accumulator = Accumulator::of_axes(keypoints.keypoints(), objects, axes, policy)?;
         for (t, key) in keys.iter().enumerate() {
             let (z, x) = (
                 points.index_axis(Axis(0), t),
@@ -166,7 +170,9 @@ impl Scoring {
             );
             accumulator.push(z, x).map_err(|e| e.at(key))?;
         }
+        let threshold_unit = threshold_unit(&truth_ndc);
         Ok(Self {
+            threshold_unit,
             names: truth.names().to_vec(),
             keys,
             keypoints: points,
@@ -233,8 +239,9 @@ impl Scoring {
         let hidden = hide(&mut keypoints, &given.confidence, least);
         let there = given.keypoints.rows().into_iter();
         let there = there.filter(|p| p.iter().all(|v| v.is_finite())).count();
-        let objects = self.names.len();
-        let mut accumulator = Accumulator::new(keypoints.dim().1, objects, self.curve_policy());
+        let (count, objects) = (keypoints.dim().1, self.names.len());
+        let policy = self.curve_policy();
+        let mut accumulator = Accumulator::of_axes(count, objects, self.axes(), policy)?;
         for (t, key) in self.keys.iter().enumerate() {
             let z = keypoints.index_axis(Axis(0), t);
             let x = self.truth_ndc.index_axis(Axis(0), t);
@@ -277,6 +284,18 @@ impl Scoring {
         let keypoints = hidden.as_ref().unwrap_or(&self.keypoints);
         let enough = self.sufficiency_of(keypoints, &level.moments, thresholds)?;
         Ok((evaluation, enough))
+    }
+
+    /// The numbers of coordinates of a keypoint and of an object: 2 in the image, 3 in space.
+    pub fn axes(&self) -> [usize; 2] {
+        self.moments.axes()
+    }
+
+    /// What the default thresholds are times: 1 for a ground truth in ndc. In space the longest side
+    /// of the box around all objects takes the place of the side of the image, which is 2 in ndc:
+    /// the square of half of it.
+    pub fn threshold_unit(&self) -> f64 {
+        self.threshold_unit
     }
 
     /// The names of the objects.
@@ -332,6 +351,7 @@ impl Scoring {
             truth.view(),
             &sequences,
             self.keypoints.dim().1,
+            self.axes()[0],
             least_seen(moments),
             &objects,
         )
@@ -419,6 +439,7 @@ impl Scoring {
     }
 
     fn measure_context(&self, folds: Option<(usize, u64)>) -> Result<Context> {
+        self.need_image("the other metrics (context)")?;
         let (keypoints, truth) = (self.keypoints.view(), self.truth_ndc.view());
         let count = keypoints.dim().1;
         if count > MOST_IN_REGRESSION {
@@ -466,8 +487,8 @@ impl Scoring {
             return Ok(found.clone());
         }
         let moments = |range: SequenceRange| {
-            let (keypoints, objects) = (self.keypoints.dim().1, self.names.len());
-            let mut accumulator = Accumulator::new(keypoints, objects, self.policy);
+            let (count, objects) = (self.keypoints.dim().1, self.names.len());
+            let mut accumulator = Accumulator::of_axes(count, objects, self.axes(), self.policy)?;
             for t in range.start..range.start + range.length {
                 let (z, x) = (
                     self.keypoints.index_axis(Axis(0), t),
@@ -485,15 +506,27 @@ impl Scoring {
     }
 
     fn with(&self, thresholds: &Thresholds) -> Result<Vec<Object>> {
-        thresholds.objects(&self.names, "the ground truth has")
+        thresholds.objects(&self.names, "the ground truth has", self.threshold_unit)
     }
 
-    /// The N keypoints (x, y) of joined frame `t` as they are, N x 2; `None` past the last frame.
+    /// Fails where points are in space, of which `what` says nothing.
+    pub(super) fn need_image(&self, what: &str) -> Result<()> {
+        match self.axes() {
+            [2, 2] => Ok(()),
+            _ => Err(Error::mismatch(format!(
+                "{what} compare distances with the size of the image, and points have three coordinates; \
+                 expected points in the image: leave z out, or project the ground truth with its camera"
+            ))),
+        }
+    }
+
+    /// The N keypoints of joined frame `t` as they are, N x 2 (in space 3); `None` past the last
+    /// frame.
     pub fn keypoints(&self, t: usize) -> Option<ArrayView2<'_, f64>> {
         (t < self.keys.len()).then(|| self.keypoints.index_axis(Axis(0), t))
     }
 
-    /// The keypoints of all joined frames as they are, T x N x 2.
+    /// The keypoints of all joined frames as they are, T x N x 2 (in space 3).
     pub(super) fn all_keypoints(&self) -> ArrayView3<'_, f64> {
         self.keypoints.view()
     }
@@ -520,10 +553,13 @@ impl Scoring {
             ))
         })?;
         let keypoint = self.keypoints.index_axis(Axis(1), n).to_owned();
-        let mut transformed_ndc = keypoint.clone();
-        for mut point in transformed_ndc.rows_mut() {
-            let mapped = fit.map.apply([point[0], point[1]]);
-            (point[0], point[1]) = (mapped[0], mapped[1]);
+        let axes = self.axes();
+        let mut transformed_ndc = Array2::from_elem((self.keys.len(), axes[1]), f64::NAN);
+        for (mut to, point) in transformed_ndc.rows_mut().into_iter().zip(keypoint.rows()) {
+            let mapped = fit.map.apply(&Axes::of(axes[0], |axis| point[axis]));
+            to.iter_mut()
+                .zip(mapped.iter())
+                .for_each(|(to, from)| *to = *from);
         }
         Ok(Series {
             truth_ndc: self.truth_ndc.index_axis(Axis(1), k).to_owned(),
@@ -551,7 +587,10 @@ impl Scoring {
                 NonFinite::Error | NonFinite::ExcludeFrame => frame.iter().all(|v| v.is_finite()),
             };
             if counts {
-                (x[0] - z[0]).powi(2) + (x[1] - z[1]).powi(2)
+                let squares = x.iter().zip(z).map(|(x, z)| (x - z).powi(2));
+                squares
+                    .reduce(|sum, square| sum + square)
+                    .unwrap_or(f64::NAN)
             } else {
                 f64::NAN
             }
@@ -602,7 +641,12 @@ impl Scoring {
 }
 
 /// Checks that there is memory for every pair of a keypoint and an object.
-fn check_pairs(keypoints: &Array3<f64>, objects: usize, has_confidence: bool) -> Result<()> {
+fn check_pairs(
+    keypoints: &Array3<f64>,
+    axes: [usize; 2],
+    objects: usize,
+    has_confidence: bool,
+) -> Result<()> {
     let count = keypoints.dim().1;
     let misses = |n: &usize| {
         let of_frames = keypoints.index_axis(Axis(1), *n);
@@ -612,12 +656,39 @@ fn check_pairs(keypoints: &Array3<f64>, objects: usize, has_confidence: bool) ->
         true => count,
         false => (0..count).filter(misses).count(),
     };
-    let bytes = (count as u64 * PAIR + missing as u64 * OWN_FRAMES).saturating_mul(objects as u64);
+    // In space there are moments of six planes at most.
+    let planes = if axes == [2, 2] { 1 } else { 6 };
+    let bytes = (count as u64 * PAIR + missing as u64 * OWN_FRAMES)
+        .saturating_mul(objects as u64)
+        .saturating_mul(planes);
     memory::check(
         bytes,
         &format!("errors of {count} keypoints for {objects} objects"),
         "score fewer keypoints or objects at a time",
     )
+}
+
+/// See [`Scoring::threshold_unit`].
+fn threshold_unit(truth: &Array3<f64>) -> f64 {
+    let axes = truth.dim().2;
+    if axes == 2 {
+        return 1.0;
+    }
+    let side = |axis: usize| {
+        let values = truth.index_axis(Axis(2), axis);
+        let values = values.iter().copied().filter(|v| v.is_finite());
+        let ends = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+            [low.min(v), high.max(v)]
+        });
+        ends[1] - ends[0]
+    };
+    let longest = (0..axes).map(side).fold(0.0, f64::max);
+    // Objects that rest all along are told apart by their variance.
+    if longest > 0.0 {
+        (longest / 2.0).powi(2)
+    } else {
+        1.0
+    }
 }
 
 /// The smallest share of the frames that show a keypoint, of those that are shown in at least half.
@@ -630,7 +701,8 @@ fn least_seen(moments: &Moments) -> f64 {
 
 /// The points of the frames `which`. ndarray's `select` takes eight times the code in WebAssembly.
 fn points_of(points: &Array3<f64>, which: &[usize]) -> Array3<f64> {
-    let shape = (which.len(), points.dim().1, 2);
+    let (_, count, axes) = points.dim();
+    let shape = (which.len(), count, axes);
     Array3::from_shape_fn(shape, |(t, n, axis)| points[[which[t], n, axis]])
 }
 

@@ -68,6 +68,7 @@ impl Scoring {
         thresholds: &Thresholds,
         settings: &Settings,
     ) -> Result<Temporal> {
+        self.need_image("the measures over time (temporal)")?;
         let evaluation = self.evaluate(thresholds, settings)?;
         let sequences = ranges(self.keys());
         let fold_of = match folds {

@@ -119,12 +119,12 @@ impl Thresholds {
         given.map_or_else(|| default_threshold(object), |given| given.value)
     }
 
-    /// The objects `names` with their thresholds. `owner` says whose objects they are, e.g. `the
-    /// ground truth has`.
+    /// The objects `names` with their thresholds; `unit` is what the defaults are times, 1 for
+    /// positions in ndc. `owner` says whose objects they are, e.g. `the ground truth has`.
     ///
     /// # Errors
     /// When a threshold is given for an object that is not among them.
-    pub fn objects(&self, names: &[String], owner: &str) -> Result<Vec<Object>> {
+    pub fn objects(&self, names: &[String], owner: &str, unit: f64) -> Result<Vec<Object>> {
         if let Some(unknown) = self.0.iter().find(|given| !names.contains(&given.object)) {
             return Err(Error::mismatch(format!(
                 "a threshold is given for `{}`; {owner} the objects {}",
@@ -132,7 +132,10 @@ impl Thresholds {
                 names.join(", ")
             )));
         }
-        let object = |name: &String| Object::new(name, self.of(name));
+        let object = |name: &String| {
+            let is_given = self.0.iter().any(|given| given.object == *name);
+            Object::new(name, self.of(name) * if is_given { 1.0 } else { unit })
+        };
         Ok(names.iter().map(object).collect())
     }
 }

@@ -1,10 +1,12 @@
 //! One pass over the frames.
 
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2, Axis};
 
 use super::moments::{Moments, ObjectMoments};
+use super::planes::planes;
 use super::scale::{ORDINARY, exponent, times_power};
 use crate::error::{Error, Reason, Result};
+use crate::track::MOST_AXES;
 
 /// Frames gathered before their moments are taken. Two sweeps over a block that stays in the cache
 /// make the centred moments exact to rounding wherever the cloud of points lies, which running sums
@@ -58,6 +60,10 @@ pub struct Accumulator {
     scratch: Centred,
     /// For a keypoint with frames of its own.
     alone: Option<Box<Centred>>,
+    axes: [usize; 2],
+    /// Of points in space, the accumulators of the other pairs of coordinates; this one takes the
+    /// first two.
+    others: Vec<Self>,
 }
 
 /// Frames not yet accounted for. Keypoints as separate rows of x and y, padded to [`LANES`].
@@ -90,7 +96,30 @@ struct Centred {
 }
 
 impl Accumulator {
-    /// An empty accumulator for N `keypoints` and K `objects`.
+    /// An empty accumulator for N `keypoints` and K `objects` of `axes` coordinates, two or three
+    /// each.
+    ///
+    /// # Errors
+    /// When there are points of another number of coordinates.
+    pub fn of_axes(
+        keypoints: usize,
+        objects: usize,
+        axes: [usize; 2],
+        policy: NonFinite,
+    ) -> Result<Self> {
+        if axes.iter().any(|count| !(2..=MOST_AXES).contains(count)) {
+            return Err(Error::mismatch(format!(
+                "points of {} and {} coordinates; expected two to {MOST_AXES}",
+                axes[0], axes[1]
+            )));
+        }
+        let mut first = Self::new(keypoints, objects, policy);
+        first.axes = axes;
+        first.others = vec![Self::new(keypoints, objects, policy); planes(axes).len() - 1];
+        Ok(first)
+    }
+
+    /// An empty accumulator for N `keypoints` and K `objects` in the image.
     pub fn new(keypoints: usize, objects: usize, policy: NonFinite) -> Self {
         let stride = keypoints.next_multiple_of(LANES);
         let block = || vec![0.0; BLOCK * stride];
@@ -110,17 +139,23 @@ impl Accumulator {
             },
             scratch: Centred::new(keypoints),
             alone: None,
+            axes: [2; 2],
+            others: Vec::new(),
         }
     }
 
-    /// Adds a frame: N x 2 `keypoints` and the K x 2 `truth` in ndc, (x, y). A NaN in an object's
-    /// truth means that it is not visible in this frame, which then does not count for it.
+    /// Adds a frame: N x 2 `keypoints` and the K x 2 `truth` in ndc, (x, y), or x, y and z of
+    /// points in space. A NaN in an object's truth means that it is not visible in this frame,
+    /// which then does not count for it.
     ///
     /// # Errors
     /// When a shape is not (N, 2) or (K, 2), when a truth is infinite, and when a keypoint is
     /// infinite or, under [`NonFinite::Error`], NaN. The accumulator is unchanged then.
     pub fn push(&mut self, keypoints: ArrayView2<f64>, truth: ArrayView2<f64>) -> Result<()> {
-        let expected = [(self.keypoints, 2), (self.objects.len(), 2)];
+        let expected = [
+            (self.keypoints, self.axes[0]),
+            (self.objects.len(), self.axes[1]),
+        ];
         if [keypoints.dim(), truth.dim()] != expected {
             return Err(Error::mismatch(format!(
                 "a frame has keypoints of shape {:?} and ground truth of shape {:?}; expected {:?} and {:?}",
@@ -139,6 +174,25 @@ impl Accumulator {
                 "the ground truth of object {k} is infinite; expected numbers, or NaN where it is not visible"
             )));
         }
+        if self.others.is_empty() {
+            return self.push_to_plane(keypoints, truth);
+        }
+        let (keypoints, truth) = (whole(keypoints), whole(truth));
+        for (plane, pairs) in planes(self.axes).into_iter().enumerate() {
+            let [z, x] = [&keypoints, &truth];
+            let (z, x) = (z.select(Axis(1), &pairs[0]), x.select(Axis(1), &pairs[1]));
+            let taken = match plane.checked_sub(1) {
+                None => self.push_to_plane(z.view(), x.view()),
+                Some(other) => self.others[other].push_to_plane(z.view(), x.view()),
+            };
+            // What one refuses, the first one refuses, before any is changed.
+            taken?;
+        }
+        Ok(())
+    }
+
+    /// As [`push`](Self::push), of two coordinates each.
+    fn push_to_plane(&mut self, keypoints: ArrayView2<f64>, truth: ArrayView2<f64>) -> Result<()> {
         let at = self.pending.frames * self.pending.stride;
         let [xs, ys] = &mut self.pending.keypoint;
         let xs = &mut xs[at..at + self.keypoints];
@@ -215,8 +269,10 @@ impl Accumulator {
     ///
     /// # Errors
     /// When the other one is for another number of keypoints or objects.
-    pub fn merge(&mut self, other: Self) -> Result<()> {
-        if (self.keypoints, self.objects.len()) != (other.keypoints, other.objects.len()) {
+    pub fn merge(&mut self, mut other: Self) -> Result<()> {
+        if (self.keypoints, self.objects.len(), self.axes)
+            != (other.keypoints, other.objects.len(), other.axes)
+        {
             return Err(Error::mismatch(format!(
                 "an accumulator of {} keypoints and {} objects cannot take one of {} and {}",
                 self.keypoints,
@@ -224,6 +280,10 @@ impl Accumulator {
                 other.keypoints,
                 other.objects.len()
             )));
+        }
+        let others = std::mem::take(&mut other.others);
+        for (mine, theirs) in self.others.iter_mut().zip(others) {
+            mine.merge(theirs)?;
         }
         let other = other.finish();
         self.frames += other.frames;
@@ -246,6 +306,8 @@ impl Accumulator {
             excluded: self.excluded,
             missing: self.missing,
             objects: self.objects,
+            axes: self.axes,
+            others: self.others.into_iter().map(Self::finish).collect(),
         }
     }
 
@@ -536,6 +598,19 @@ impl Centred {
             }
         }
     }
+}
+
+/// Points with all coordinates NaN where one is, or infinite: what is missing is missing in every
+/// plane.
+fn whole(points: ArrayView2<f64>) -> Array2<f64> {
+    let mut points = points.to_owned();
+    for mut point in points.rows_mut() {
+        let odd = point.iter().copied().filter(|v| !v.is_finite());
+        if let Some(odd) = odd.reduce(|a, b| if a.is_nan() { a } else { b }) {
+            point.fill(odd);
+        }
+    }
+    points
 }
 
 #[inline(always)]

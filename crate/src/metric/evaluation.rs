@@ -18,7 +18,8 @@ pub fn default_threshold(name: &str) -> f64 {
 pub struct Object {
     /// Its name.
     pub name: String,
-    /// The threshold `mu_k` on the tracking error (mean squared distance, ndc).
+    /// The threshold `mu_k` on the tracking error (mean squared distance, in ndc or in the unit of
+    /// a ground truth in space).
     pub threshold: f64,
 }
 
@@ -70,6 +71,8 @@ pub struct Evaluation {
     pub errors: Array2<f64>,
     /// The number of (keypoint, object) pairs in which the rank rule left a direction out.
     pub directions_dropped: usize,
+    /// The numbers of coordinates of a keypoint and of an object.
+    pub axes: [usize; 2],
 }
 
 /// The metric for one object.
@@ -83,8 +86,8 @@ pub struct ObjectEvaluation {
     pub tracked: bool,
     /// The number of frames in which it is visible; only these count.
     pub frames: u64,
-    /// The number of those frames in which it lies outside the image. They count, as in the
-    /// authors' code.
+    /// The number of those frames in which it lies outside the image; 0 for one in space. They
+    /// count, as in the authors' code.
     pub outside: u64,
     /// Its best keypoint; `None` when it is visible in no frame, or every keypoint is missing in
     /// more than half of them.
@@ -109,6 +112,10 @@ impl Moments {
     /// # Panics
     /// When `n` or `k` is out of range.
     pub fn fit(&self, n: usize, k: usize, settings: &Settings) -> Result<Option<Fit>> {
+        #[cfg(feature = "space")]
+        if !self.others.is_empty() {
+            return super::space::fit(self, n, k, settings);
+        }
         let pair = self.objects[k].pair(n);
         (pair.frames > 0)
             .then(|| map::fit(&pair, settings.transform, settings.rank))
@@ -173,7 +180,11 @@ impl Moments {
                 threshold: object.threshold,
                 tracked: best.is_some_and(|b| b.fit.error() <= object.threshold),
                 frames: self.objects[k].frames,
-                outside: self.objects[k].outside,
+                outside: if self.axes[1] == 2 {
+                    self.objects[k].outside
+                } else {
+                    0
+                },
                 best,
             });
         }
@@ -187,6 +198,7 @@ impl Moments {
             objects: evaluated,
             errors,
             directions_dropped,
+            axes: self.axes,
         })
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, SymmetricEigen, Vector2};
 
+use super::axes::Axes;
 use super::moments::PairMoments;
 use super::scale::{larger, non_negative, times_power};
 use crate::error::{Error, Result};
@@ -13,7 +14,7 @@ pub enum Transform {
     Identity,
     /// A scale and a shift per axis.
     ScaleTranslate,
-    /// `A z + b` with any 2 x 2 matrix A (the paper's choice).
+    /// `A z + b` with any matrix A (the paper's choice).
     #[default]
     Affine,
 }
@@ -28,7 +29,7 @@ pub enum Rank {
     #[default]
     Reference,
     /// Directions whose standard deviation is below 1e-6 of the largest, on centred data: the same
-    /// answer in any unit and anywhere in the plane.
+    /// answer in any unit and anywhere in the plane or in space.
     Centred,
 }
 
@@ -78,14 +79,26 @@ named!(
     "centred" = Rank::Centred
 );
 
-/// `truth = A z + b`, on column vectors (x, y).
+impl Rank {
+    /// The rule for keypoints of so many coordinates where none is asked for: the authors' belongs to
+    /// ndc, and those in space have another unit.
+    pub fn of_axes(axes: usize) -> Self {
+        if axes == 2 {
+            Self::Reference
+        } else {
+            Self::Centred
+        }
+    }
+}
+
+/// `truth = A z + b`, on column vectors (x, y) or (x, y, z).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "data", derive(serde::Serialize, serde::Deserialize))]
 pub struct AffineMap {
-    /// The matrix A, row by row.
-    pub a: [[f64; 2]; 2],
+    /// The matrix A, row by row: a row a coordinate of the object, a column one of the keypoint.
+    pub a: Axes<Axes<f64>>,
     /// The shift b.
-    pub b: [f64; 2],
+    pub b: Axes<f64>,
 }
 
 /// A fitted map and what it leaves.
@@ -93,8 +106,8 @@ pub struct AffineMap {
 pub struct Fit {
     /// `truth_from_keypoint`.
     pub map: AffineMap,
-    /// Sums over the frames of the squared distance along x and along y.
-    pub squares: [f64; 2],
+    /// Sums over the frames of the squared distance along each coordinate of the object.
+    pub squares: Axes<f64>,
     /// The number of frames T the sums run over.
     pub frames: u64,
     /// Whether the rank rule left a direction out.
@@ -102,15 +115,21 @@ pub struct Fit {
 }
 
 impl AffineMap {
-    /// The map that changes nothing.
-    pub const IDENTITY: Self = Self {
-        a: [[1.0, 0.0], [0.0, 1.0]],
-        b: [0.0, 0.0],
-    };
+    /// The map that changes nothing, of points of so many coordinates.
+    pub fn identity(axes: usize) -> Self {
+        let unit = |row: usize, column: usize| f64::from(u8::from(row == column));
+        Self {
+            a: Axes::of(axes, |row| Axes::of(axes, |column| unit(row, column))),
+            b: Axes::of(axes, |_| 0.0),
+        }
+    }
 
-    /// `A point + b`.
-    pub fn apply(&self, point: [f64; 2]) -> [f64; 2] {
-        [0, 1].map(|row| self.a[row][0] * point[0] + self.a[row][1] * point[1] + self.b[row])
+    /// `A point + b`, of as many coordinates as the object has.
+    pub fn apply(&self, point: &[f64]) -> Axes<f64> {
+        Axes::of(self.b.len(), |row| {
+            let products = self.a[row].iter().zip(point).map(|(a, z)| a * z);
+            products.reduce(|sum, product| sum + product).unwrap_or(0.0) + self.b[row]
+        })
     }
 }
 
@@ -122,15 +141,17 @@ impl Fit {
 
     /// The sum over time of the squared distance, as equation 1 of the paper writes it.
     pub fn error_sum(&self) -> f64 {
-        self.squares[0] + self.squares[1]
+        let squares = self.squares.iter().copied();
+        squares.reduce(|sum, square| sum + square).unwrap_or(0.0)
     }
 
-    /// The root of the mean squared distance, in ndc.
+    /// The root of the mean squared distance, in the unit of the object's coordinates.
     pub fn rmse(&self) -> f64 {
         self.error().sqrt()
     }
 
-    /// The root of the mean squared distance in pixels of an image of `[width, height]`.
+    /// The root of the mean squared distance in pixels of an image of `[width, height]`, of an
+    /// object in ndc.
     pub fn rmse_px(&self, size: [u32; 2]) -> f64 {
         let sum: f64 = (0..2)
             .map(|axis| self.squares[axis] * (f64::from(size[axis]) / 2.0).powi(2))
@@ -147,7 +168,7 @@ impl Fit {
 
 /// Relative bound of [`Rank::Centred`] on standard deviations. Second moments in f64 resolve ratios
 /// of variances down to about 1e-14; this stays well above.
-const CENTRED_BOUND: f64 = 1e-6;
+pub(super) const CENTRED_BOUND: f64 = 1e-6;
 
 /// The least squares of `pair`.
 ///
@@ -156,12 +177,12 @@ const CENTRED_BOUND: f64 = 1e-6;
 pub(super) fn fit(pair: &PairMoments, transform: Transform, rank: Rank) -> Result<Fit> {
     match transform {
         Transform::Identity => identity(pair),
-        Transform::ScaleTranslate => scale_translate(pair, rank),
+        Transform::ScaleTranslate => scale_translate(pair, rank, pair.widest()),
         Transform::Affine => affine(pair, rank),
     }
 }
 
-fn identity(pair: &PairMoments) -> Result<Fit> {
+pub(super) fn identity(pair: &PairMoments) -> Result<Fit> {
     // Keypoint and object are compared as they are, and need the same exponents.
     let [keypoint, truth] = [pair.keypoint_exponent, pair.truth_exponent];
     let exponents = [0, 1].map(|axis| keypoint[axis].max(truth[axis]));
@@ -175,21 +196,21 @@ fn identity(pair: &PairMoments) -> Result<Fit> {
         times_power(left + t * shift * shift, 2 * exponents[axis])
     });
     Fit {
-        map: AffineMap::IDENTITY,
-        squares,
+        map: AffineMap::identity(2),
+        squares: squares.into(),
         frames: m.frames,
         direction_dropped: false,
     }
     .in_range()
 }
 
-fn scale_translate(m: &PairMoments, rank: Rank) -> Result<Fit> {
+/// `widest` is the largest variance that the centred rule compares with, times the frames.
+pub(super) fn scale_translate(m: &PairMoments, rank: Rank, widest: f64) -> Result<Fit> {
     let own = [m.keypoint_squares[0], m.keypoint_squares[2]];
     let with = [m.cross[0], m.cross[3]];
-    let widest = larger(own[0], own[1]);
     let mut fit = Fit {
-        map: AffineMap::IDENTITY,
-        squares: [0.0; 2],
+        map: AffineMap::identity(2),
+        squares: [0.0; 2].into(),
         frames: m.frames,
         direction_dropped: false,
     };
@@ -370,10 +391,16 @@ impl Exponents {
         };
         let fit = Fit {
             map: AffineMap {
-                a: [0, 1].map(|row| [factor(row, 0), factor(row, 1)]),
-                b: [0, 1].map(|axis| times_power(b[axis], self.truth[axis])),
+                a: [0, 1]
+                    .map(|row| [factor(row, 0), factor(row, 1)].into())
+                    .into(),
+                b: [0, 1]
+                    .map(|axis| times_power(b[axis], self.truth[axis]))
+                    .into(),
             },
-            squares: [0, 1].map(|axis| times_power(squares[axis], 2 * self.truth[axis])),
+            squares: [0, 1]
+                .map(|axis| times_power(squares[axis], 2 * self.truth[axis]))
+                .into(),
             frames,
             direction_dropped,
         };
@@ -390,13 +417,13 @@ impl Exponents {
 }
 
 /// Factors below this have lost digits: subnormal values have fewer.
-const LEAST_FACTOR: f64 = f64::MIN_POSITIVE;
+pub(super) const LEAST_FACTOR: f64 = f64::MIN_POSITIVE;
 
 impl Fit {
     /// The fit, if every value of it is finite.
-    fn in_range(self) -> Result<Self> {
+    pub(super) fn in_range(self) -> Result<Self> {
         let AffineMap { a, b } = self.map;
-        let map = a.iter().flatten().chain(&b);
+        let map = a.iter().flat_map(|row| row.iter()).chain(b.iter());
         if !map.copied().all(f64::is_finite) {
             return Err(out_of_range("the fitted map is too large for f64"));
         }
@@ -409,7 +436,7 @@ impl Fit {
     }
 }
 
-fn out_of_range(what: &str) -> Error {
+pub(super) fn out_of_range(what: &str) -> Error {
     Error::numeric(format!(
         "{what}; expected coordinates near -1 to 1 (check for outliers and the unit)"
     ))

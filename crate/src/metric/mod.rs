@@ -31,17 +31,22 @@
 #![deny(clippy::disallowed_methods)]
 
 mod accumulator;
+mod axes;
 pub mod context;
 mod evaluation;
 mod map;
 mod moments;
+mod planes;
 mod scale;
 mod sequences;
+#[cfg(feature = "space")]
+mod space;
 pub mod stats;
 mod sufficiency;
 pub mod temporal;
 
 pub use accumulator::{Accumulator, NonFinite};
+pub use axes::Axes;
 pub use evaluation::{Best, Evaluation, Object, ObjectEvaluation, Settings, default_threshold};
 pub use map::{AffineMap, Fit, Rank, Transform};
 pub use moments::Moments;
@@ -53,7 +58,8 @@ use ndarray::{ArrayView3, Axis};
 use crate::error::Result;
 
 /// Scores keypoints (T x N x 2) against ground truth (T x K x 2, ndc; NaN = not visible) in one
-/// call.
+/// call. Either may be in space, x, y and z in the last axis; the errors are then in the unit of
+/// the ground truth.
 ///
 /// # Errors
 /// As [`Accumulator::push`] and [`Moments::evaluate`]; the message names the frame.
@@ -64,7 +70,9 @@ pub fn evaluate(
     policy: NonFinite,
     settings: &Settings,
 ) -> Result<Evaluation> {
-    let mut accumulator = Accumulator::new(keypoints.dim().1, truth.dim().1, policy);
+    let axes = [keypoints.dim().2, truth.dim().2];
+    let (count, objects_count) = (keypoints.dim().1, truth.dim().1);
+    let mut accumulator = Accumulator::of_axes(count, objects_count, axes, policy)?;
     for (t, (z, x)) in keypoints.outer_iter().zip(truth.outer_iter()).enumerate() {
         accumulator
             .push(z, x)

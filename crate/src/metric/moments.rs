@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::scale::{ZERO, times_power};
+use super::scale::{ZERO, larger, times_power};
 
 /// The axes of [`ObjectMoments::keypoint_squares`].
 const PRODUCTS: [(usize, usize); 3] = [(0, 0), (0, 1), (1, 1)];
@@ -242,6 +242,11 @@ impl PairMoments {
         self.keypoint_exponent = keypoint;
         self
     }
+
+    /// The larger sum of squares of the keypoint along an axis.
+    pub fn widest(&self) -> f64 {
+        larger(self.keypoint_squares[0], self.keypoint_squares[2])
+    }
 }
 
 /// What an [`Accumulator`](super::Accumulator) knows of its frames: enough for every map, rank rule
@@ -253,9 +258,19 @@ pub struct Moments {
     pub(super) excluded: u64,
     pub(super) missing: Vec<u64>,
     pub(super) objects: Vec<ObjectMoments>,
+    /// The numbers of coordinates of a keypoint and of an object.
+    pub(super) axes: [usize; 2],
+    /// Of points in space, the moments of the other pairs of coordinates; those above are of the
+    /// first two.
+    pub(super) others: Vec<Moments>,
 }
 
 impl Moments {
+    /// The numbers of coordinates of a keypoint and of an object.
+    pub fn axes(&self) -> [usize; 2] {
+        self.axes
+    }
+
     /// The number of frames pushed, without the excluded ones.
     pub fn frames(&self) -> u64 {
         self.frames

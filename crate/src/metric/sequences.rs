@@ -60,7 +60,9 @@ impl Moments {
     /// # Errors
     /// When they are of another number of keypoints or objects.
     pub fn merge(&mut self, other: &Self) -> Result<()> {
-        if (self.keypoints, self.objects.len()) != (other.keypoints, other.objects.len()) {
+        if (self.keypoints, self.objects.len(), self.axes)
+            != (other.keypoints, other.objects.len(), other.axes)
+        {
             return Err(Error::mismatch(format!(
                 "moments of {} keypoints and {} objects cannot take those of {} and {}",
                 self.keypoints,
@@ -77,7 +79,26 @@ impl Moments {
         for (mine, theirs) in self.objects.iter_mut().zip(&other.objects) {
             mine.merge(theirs);
         }
+        for (mine, theirs) in self.others.iter_mut().zip(&other.others) {
+            mine.merge(theirs)?;
+        }
         Ok(())
+    }
+
+    /// What `map` leaves between keypoint `n` and object `k`: the sum over the frames that show both
+    /// of the squared distance, infinite beyond the range of f64, and how many these are.
+    fn left_by(&self, n: usize, k: usize, map: &AffineMap) -> (f64, u64) {
+        #[cfg(feature = "space")]
+        if !self.others.is_empty() {
+            return super::space::left_by(self, n, k, map);
+        }
+        let pair = self.objects[k].pair(n);
+        let left = if pair.frames > 0 {
+            pair.left_by(map)
+        } else {
+            0.0
+        };
+        (left, pair.frames)
     }
 
     /// The moments of all of `parts`.
@@ -105,13 +126,14 @@ impl PairMoments {
         (0..2)
             .map(|axis| {
                 // All terms divided by one power of two, that of the largest.
-                let factor = map.a[axis].map(exponent);
+                let factor = [0, 1].map(|column| exponent(map.a[axis][column]));
                 let keypoint = self.keypoint_exponent[axis];
                 let of_map = factor[0].max(factor[1]).saturating_add(keypoint);
                 let scale = self.truth_exponent[axis]
                     .max(of_map)
                     .max(exponent(map.b[axis]));
-                let [a, c] = map.a[axis].map(|factor| times_power(factor, keypoint - scale));
+                let [a, c] =
+                    [0, 1].map(|column| times_power(map.a[axis][column], keypoint - scale));
                 let truth = self.truth_exponent[axis] - scale;
                 let cross =
                     |keypoint_axis: usize| times_power(self.cross[axis + 2 * keypoint_axis], truth);
@@ -183,11 +205,9 @@ pub fn held_out(
         for (k, object) in evaluation.objects.iter().enumerate() {
             keypoints[k].push(object.best.map(|best| best.keypoint));
             let Some(best) = object.best else { continue };
-            let pair = own.objects[k].pair(best.keypoint);
-            if pair.frames > 0 {
-                sums[k] += pair.left_by(&best.fit.map);
-                frames[k] += pair.frames;
-            }
+            let (left, shown) = own.left_by(best.keypoint, k, &best.fit.map);
+            sums[k] += left;
+            frames[k] += shown;
         }
     }
     if let Some(k) = sums.iter().position(|sum| !sum.is_finite()) {

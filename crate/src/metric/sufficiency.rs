@@ -9,8 +9,11 @@ use std::ops::Range;
 
 use ndarray::ArrayView3;
 
+use super::axes::Axes;
 use super::evaluation::Object;
 use super::scale::larger;
+#[cfg(feature = "space")]
+use super::scale::non_negative;
 use crate::error::{Error, Result};
 
 /// The chance that random keypoints pass for tracking in a recording that is called sufficient: at
@@ -26,7 +29,8 @@ const EVERY_LAG: usize = 64;
 pub struct Sufficiency {
     /// The name of the object.
     pub name: String,
-    /// Its mean squared distance from its mean position (ndc): the error of a constant map.
+    /// Its mean squared distance from its mean position (ndc, or the unit of a ground truth in
+    /// space): the error of a constant map.
     pub variance: f64,
     /// The number of independent observations that its frames amount to.
     pub observations: f64,
@@ -53,7 +57,8 @@ pub struct Needed {
 
 /// Whether the positions `truth` (T x K x 2, ndc; NaN: not visible) are enough to score `keypoints`
 /// keypoints by any of the maps. `sequences` are ranges of frames, `seen` is the share of them that
-/// show a keypoint at least (1: none is ever missing).
+/// show a keypoint at least (1: none is ever missing). The truth may be in space (T x K x 3), and so
+/// may keypoints, of which `coordinates` is how many coordinates each has.
 ///
 /// # Errors
 /// When the number of `objects` is not K, or a variance is beyond the range of f64.
@@ -61,6 +66,7 @@ pub fn sufficiency(
     truth: ArrayView3<f64>,
     sequences: &[Range<usize>],
     keypoints: usize,
+    coordinates: usize,
     seen: f64,
     objects: &[Object],
 ) -> Result<Vec<Sufficiency>> {
@@ -73,7 +79,13 @@ pub fn sufficiency(
     }
     let pairs = (keypoints * objects.len()) as f64;
     let of = |(k, object): (usize, &Object)| {
-        let motion = Motion::of(truth, sequences, k);
+        #[cfg(feature = "space")]
+        let motion = match truth.dim().2 {
+            3 => Motion::of::<3>(truth, sequences, k),
+            _ => Motion::of::<2>(truth, sequences, k),
+        };
+        #[cfg(not(feature = "space"))]
+        let motion = Motion::of::<2>(truth, sequences, k);
         if !motion.variances[0].is_finite() {
             return Err(Error::numeric(format!(
                 "the variance of object `{}` is too large for f64; expected coordinates near -1 \
@@ -81,7 +93,7 @@ pub fn sufficiency(
                 object.name
             )));
         }
-        Ok(motion.judge(object, pairs, seen))
+        Ok(motion.judge(object, pairs, coordinates, seen))
     };
     objects.iter().enumerate().map(of).collect()
 }
@@ -90,46 +102,45 @@ pub fn sufficiency(
 struct Motion {
     frames: u64,
     sequences: u64,
-    /// Along the principal axes, the larger one first.
-    variances: [f64; 2],
+    /// Along the principal axes, the largest one first.
+    variances: Axes<f64>,
     /// Frames that count as one observation.
     correlation_time: f64,
 }
 
 impl Motion {
-    fn of(truth: ArrayView3<f64>, sequences: &[Range<usize>], k: usize) -> Self {
-        let at = |t: usize| [truth[[t, k, 0]], truth[[t, k, 1]]];
-        let is_seen = |p: &[f64; 2]| p.iter().all(|v| v.is_finite());
+    fn of<const D: usize>(truth: ArrayView3<f64>, sequences: &[Range<usize>], k: usize) -> Self {
+        let at = |t: usize| -> [f64; D] { std::array::from_fn(|axis| truth[[t, k, axis]]) };
+        let is_seen = |p: &[f64; D]| p.iter().all(|v| v.is_finite());
         let seen = || sequences.iter().cloned().flatten().map(at).filter(is_seen);
         let frames = seen().count() as u64;
         let count = frames as f64;
-        let mean = [0, 1].map(|axis| seen().map(|p| p[axis] / count).sum::<f64>());
-        let deviations: Vec<Vec<[f64; 2]>> = sequences
+        let mean: [f64; D] =
+            std::array::from_fn(|axis| seen().map(|p| p[axis] / count).sum::<f64>());
+        let deviations: Vec<Vec<[f64; D]>> = sequences
             .iter()
             .map(|range| {
-                let deviation = |t| [0, 1].map(|axis| at(t)[axis] - mean[axis]);
+                let deviation = |t| std::array::from_fn(|axis| at(t)[axis] - mean[axis]);
                 range.clone().map(deviation).collect()
             })
             .collect();
         let all = || deviations.iter().flatten().filter(|d| is_seen(d));
-        let [xx, xy, yy] =
-            [(0, 0), (0, 1), (1, 1)].map(|(i, j)| all().map(|d| d[i] * d[j] / count).sum::<f64>());
-        let half = (0.5 * (xx - yy)).hypot(xy);
-        let middle = 0.5 * (xx + yy);
-        let shown = |sequence: &&Vec<[f64; 2]>| sequence.iter().any(is_seen);
+        let product = |i: usize, j: usize| all().map(|d| d[i] * d[j] / count).sum::<f64>();
+        let total = (1..D).fold(product(0, 0), |sum, i| sum + product(i, i));
+        let shown = |sequence: &&Vec<[f64; D]>| sequence.iter().any(is_seen);
         Self {
             frames,
             sequences: deviations.iter().filter(shown).count() as u64,
-            variances: [middle + half, larger(middle - half, 0.0)],
-            correlation_time: correlation_time(&deviations, count * (xx + yy)),
+            variances: principal::<D>(product),
+            correlation_time: correlation_time(&deviations, count * total),
         }
     }
 
-    fn judge(&self, object: &Object, pairs: f64, seen: f64) -> Sufficiency {
-        let variance = self.variances[0] + self.variances[1];
+    fn judge(&self, object: &Object, pairs: f64, coordinates: usize, seen: f64) -> Sufficiency {
+        let variance = total(&self.variances);
         let observations = seen * self.frames as f64 / self.correlation_time;
         let chance = |observations: f64| {
-            let one = chance_of_one(observations, self.variances, object.threshold);
+            let one = chance_of_one(observations, &self.variances, coordinates, object.threshold);
             let all = pairs * one;
             if all < 1.0 { all } else { 1.0 }
         };
@@ -168,7 +179,7 @@ impl Motion {
 
 /// One more than twice the sum of the autocorrelations within the sequences up to the first that is
 /// not positive; the number of frames in a sequence for an object that rests in each.
-fn correlation_time(sequences: &[Vec<[f64; 2]>], squares: f64) -> f64 {
+fn correlation_time<const D: usize>(sequences: &[Vec<[f64; D]>], squares: f64) -> f64 {
     if squares == 0.0 {
         return 1.0;
     }
@@ -176,7 +187,8 @@ fn correlation_time(sequences: &[Vec<[f64; 2]>], squares: f64) -> f64 {
         let pairs = sequences
             .iter()
             .flat_map(|s| s.iter().zip(s.iter().skip(lag)));
-        let products = pairs.map(|(a, b)| a[0] * b[0] + a[1] * b[1]);
+        let products =
+            pairs.map(|(a, b)| (1..D).fold(a[0] * b[0], |sum, axis| sum + a[axis] * b[axis]));
         products.filter(|p| !p.is_nan()).sum::<f64>() / squares
     };
     let longest = sequences.iter().map(Vec::len).max().unwrap_or(0);
@@ -193,13 +205,47 @@ fn correlation_time(sequences: &[Vec<[f64; 2]>], squares: f64) -> f64 {
     1.0 + 2.0 * sum
 }
 
-/// A bound on the probability that a map fitted to one random keypoint leaves at most `threshold`
-/// of an object with these `variances` along its principal axes.
+fn total(variances: &[f64]) -> f64 {
+    let variances = variances.iter().copied();
+    variances.reduce(|sum, v| sum + v).unwrap_or(0.0)
+}
+
+/// The variances along the principal axes, of the mean `product`s of deviations.
+fn principal<const D: usize>(product: impl Fn(usize, usize) -> f64) -> Axes<f64> {
+    #[cfg(feature = "space")]
+    if D == 3 {
+        let matrix = nalgebra::Matrix3::from_fn(|i, j| product(i.min(j), i.max(j)));
+        if matrix.iter().any(|v| !v.is_finite()) {
+            return [f64::NAN; 3].into();
+        }
+        let mut found: [f64; 3] = matrix.symmetric_eigenvalues().into();
+        found.sort_unstable_by(|a, b| b.total_cmp(a));
+        return found.map(|v| larger(v, 0.0)).into();
+    }
+    let [xx, xy, yy] = [(0, 0), (0, 1), (1, 1)].map(|(i, j)| product(i, j));
+    let half = (0.5 * (xx - yy)).hypot(xy);
+    let middle = 0.5 * (xx + yy);
+    [middle + half, larger(middle - half, 0.0)].into()
+}
+
+/// A bound on the probability that a map fitted to one random keypoint of so many `coordinates`
+/// leaves at most `threshold` of an object with these `variances` along its principal axes.
+fn chance_of_one(observations: f64, variances: &[f64], coordinates: usize, threshold: f64) -> f64 {
+    match (coordinates, variances) {
+        (2, [major, minor]) => chance_in_plane(observations, [*major, *minor], threshold),
+        #[cfg(feature = "space")]
+        _ => chance_in_space(observations, variances, coordinates, threshold),
+        #[cfg(not(feature = "space"))]
+        _ => 1.0,
+    }
+}
+
+/// [`chance_of_one`] with a keypoint and an object in the plane.
 ///
 /// With weights w of the axes in the variance, the share that is left is at least `B1^w1 B2^w2`
 /// with independent `B1 ~ Beta((m-3)/2, 1)` and `B2 ~ Beta((m-4)/2, 1)`, whose logarithms are
 /// exponential.
-fn chance_of_one(observations: f64, variances: [f64; 2], threshold: f64) -> f64 {
+fn chance_in_plane(observations: f64, variances: [f64; 2], threshold: f64) -> f64 {
     let variance = variances[0] + variances[1];
     if variance <= threshold || observations <= 4.0 {
         return 1.0;
@@ -218,6 +264,59 @@ fn chance_of_one(observations: f64, variances: [f64; 2], threshold: f64) -> f64 
     (second * a - first * b) / (second - first)
 }
 
+/// [`chance_of_one`] with a keypoint or an object in space.
+///
+/// The share that is left is at least the product of `B_i^w_i` with independent `B_i ~ Beta((m - p -
+/// i) / 2, p / 2)` for p coordinates and the axes i from 1. A keypoint of three coordinates is taken
+/// for one of four, which leaves no more: then p / 2 is whole, and `B_i` is a product of p / 2
+/// variables `Beta(a, 1)`, `Beta(a + 1, 1)`, whose logarithms are exponential.
+#[cfg(feature = "space")]
+fn chance_in_space(
+    observations: f64,
+    variances: &[f64],
+    coordinates: usize,
+    threshold: f64,
+) -> f64 {
+    let variance = total(variances);
+    let factors = coordinates.div_ceil(2);
+    let predictors = 2.0 * factors as f64;
+    let moving: Vec<f64> = variances.iter().copied().filter(|v| *v > 0.0).collect();
+    if variance <= threshold || observations <= predictors + moving.len() as f64 {
+        return 1.0;
+    }
+    let mut rates: Vec<f64> = Vec::new();
+    for (i, own) in moving.iter().enumerate() {
+        let a = (observations - predictors - (i + 1) as f64) / 2.0;
+        rates.extend((0..factors).map(|factor| (a + factor as f64) * variance / own));
+    }
+    beyond(&rates, (variance / threshold).ln())
+}
+
+/// The probability that the sum of independent exponential variables of these rates is beyond
+/// `distance`.
+///
+/// They are the times that a chain of states takes: the first row of `exp(distance Q)`, where each
+/// state has its rate of going on to the next one.
+#[cfg(feature = "space")]
+fn beyond(rates: &[f64], distance: f64) -> f64 {
+    let smaller = |a: f64, b: f64| if b < a { b } else { a };
+    let slowest = rates.iter().copied().fold(f64::INFINITY, smaller);
+    // The slowest alone takes that long with a chance of e^-700; the others add little to it.
+    if slowest * distance > 700.0 {
+        return 0.0;
+    }
+    // A rate that is cut to a smaller one makes the sum larger: it stays a bound.
+    let rate = |i: usize| smaller(rates[i], 1e6 * slowest);
+    let states = rates.len();
+    let step = nalgebra::DMatrix::from_fn(states, states, |i, j| match j.checked_sub(i) {
+        Some(0) => -rate(i) * distance,
+        Some(1) => rate(i) * distance,
+        _ => 0.0,
+    });
+    let found: f64 = step.exp().row(0).iter().sum();
+    smaller(non_negative(found), 1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -225,20 +324,53 @@ mod tests {
     #[test]
     fn the_bound_is_exact_on_a_line() {
         // 1 - R^2 of a regression on two variables and a constant is Beta((m - 3) / 2, 1).
-        let found = chance_of_one(13.0, [1.0, 0.0], 0.5);
+        let found = chance_in_plane(13.0, [1.0, 0.0], 0.5);
         assert!((found - 0.5f64.powi(5)).abs() < 1e-15, "{found}");
     }
 
     #[test]
     fn two_axes_are_harder_to_hit_than_one_and_equal_rates_are_no_gap() {
-        let line = chance_of_one(13.0, [1.0, 0.0], 0.2);
-        let plane = chance_of_one(13.0, [0.5, 0.5], 0.2);
+        let line = chance_in_plane(13.0, [1.0, 0.0], 0.2);
+        let plane = chance_in_plane(13.0, [0.5, 0.5], 0.2);
         assert!(plane < line);
         // The rates are equal where w1 = (m - 3) / (2 m - 7).
         let equal = 10.0 / 19.0;
         let chances =
-            [equal - 1e-5, equal, equal + 1e-5].map(|w| chance_of_one(13.0, [w, 1.0 - w], 0.2));
+            [equal - 1e-5, equal, equal + 1e-5].map(|w| chance_in_plane(13.0, [w, 1.0 - w], 0.2));
         let gap = (f64::midpoint(chances[0], chances[2]) - chances[1]).abs();
         assert!(gap < 1e-6 * chances[1], "{chances:?}");
+    }
+
+    #[cfg(feature = "space")]
+    #[test]
+    fn the_bound_in_space_is_that_of_the_plane_where_all_is_in_the_plane() {
+        for (variances, threshold) in [([0.7, 0.3], 0.2), ([0.5, 0.5], 0.1), ([0.9, 1e-9], 0.3)] {
+            let plane = chance_in_plane(13.0, variances, threshold);
+            let space = chance_in_space(13.0, &variances, 2, threshold);
+            assert!((plane - space).abs() < 1e-9 * plane, "{plane} {space}");
+        }
+    }
+
+    #[cfg(feature = "space")]
+    #[test]
+    fn a_third_coordinate_of_the_object_makes_chance_smaller_and_of_the_keypoint_larger() {
+        let plane = chance_in_space(20.0, &[0.5, 0.5], 2, 0.2);
+        let of_object = chance_in_space(20.0, &[0.4, 0.3, 0.3], 2, 0.2);
+        let of_keypoint = chance_in_space(20.0, &[0.5, 0.5], 3, 0.2);
+        assert!(of_object < plane && plane < of_keypoint);
+    }
+
+    #[cfg(feature = "space")]
+    #[test]
+    fn a_sum_of_equal_exponentials_is_erlangs() {
+        // e^-d (1 + d + d^2 / 2) of three with rate 1.
+        for d in [0.1, 2.0, 20.0] {
+            let expected = (-d as f64).exp() * (1.0 + d + d * d / 2.0);
+            let found = beyond(&[1.0, 1.0, 1.0], d);
+            assert!(
+                (found - expected).abs() < 1e-12 * expected.max(1e-3),
+                "{d}: {found}"
+            );
+        }
     }
 }

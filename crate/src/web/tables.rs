@@ -54,6 +54,7 @@ pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions
         image_size: options.image_size,
         flip: flip.map_err(|e| js_error(&e))?,
         zero_is_missing: options.zero_is_missing,
+        xy_only: false,
     })
 }
 

@@ -93,7 +93,7 @@ fn ranges([sequences, length]: [usize; 2]) -> Vec<Range<usize>> {
 }
 
 fn judged(truth: &Array3<f64>, size: [usize; 2], objects: &[Object]) -> Vec<Sufficiency> {
-    sufficiency(truth.view(), &ranges(size), KEYPOINTS, 1.0, objects).expect("the shapes fit")
+    sufficiency(truth.view(), &ranges(size), KEYPOINTS, 2, 1.0, objects).expect("the shapes fit")
 }
 
 #[test]
@@ -212,5 +212,5 @@ fn hidden_frames_and_unseen_objects_do_not_count() {
         "{found:?}"
     );
     assert_eq!((found[1].is_known, found[1].needed), (false, None));
-    assert!(sufficiency(truth.view(), &ranges([20, 10]), 4, 1.0, &objects[..1]).is_err());
+    assert!(sufficiency(truth.view(), &ranges([20, 10]), 4, 2, 1.0, &objects[..1]).is_err());
 }

@@ -236,6 +236,7 @@ pub fn read(text: &str, stem: &str) -> Result<Raw> {
         sequences: Vec::new(),
         points: Vec::new(),
         rows: Vec::new(),
+        heights: Vec::new(),
         sizes: Vec::new(),
         notices: Vec::new(),
         lacks_size: false,

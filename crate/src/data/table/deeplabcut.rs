@@ -7,9 +7,9 @@
 
 use super::fields::{Beside, Delimited, image_number, is_unnamed, whole_number, wrong_field};
 use super::rows::{Points, Raw, Row, Sequences};
-use super::wide::three_coordinates;
+use super::space::are_in_space;
 use crate::data::names::cleaned;
-use crate::data::reading::Layout;
+use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
 
 /// What the video is called before the name that an analysis adds to it, `VIDEODLC_resnet50_…`.
@@ -20,6 +20,7 @@ struct Part {
     name: String,
     x: Option<usize>,
     y: Option<usize>,
+    z: Option<usize>,
     sureness: Option<(Beside, usize)>,
 }
 
@@ -79,11 +80,8 @@ impl Header {
             let coordinate = self.coords.get(i).unwrap_or_default();
             let part = self.bodyparts.get(i).unwrap_or_default();
             let axis = coordinate.to_ascii_lowercase();
-            if axis == "z" {
-                return Err(three_coordinates(part));
-            }
             let beside = Beside::of(coordinate);
-            if !["x", "y"].contains(&axis.as_str()) && beside.is_none() {
+            if !["x", "y", "z"].contains(&axis.as_str()) && beside.is_none() {
                 let name = match is_unnamed(coordinate) {
                     true => format!("column {}", i + 1),
                     false => coordinate.to_owned(),
@@ -103,6 +101,7 @@ impl Header {
                     name,
                     x: None,
                     y: None,
+                    z: None,
                     sureness: None,
                 });
             }
@@ -110,6 +109,7 @@ impl Header {
             let is_twice = match (beside, axis.as_str()) {
                 (Some(beside), _) => part.sureness.replace((beside, i)).is_some(),
                 (None, "x") => part.x.replace(i).is_some(),
+                (None, "z") => part.z.replace(i).is_some(),
                 (None, _) => part.y.replace(i).is_some(),
             };
             if is_twice {
@@ -124,10 +124,15 @@ impl Header {
     }
 }
 
-pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
+pub fn read(mut table: Delimited, stem: &str, options: &TableOptions) -> Result<Raw> {
     let header = Header::read(&mut table)?;
     let first = header.first();
-    let (parts, others) = header.parts()?;
+    let (parts, mut others) = header.parts()?;
+    let has_z = parts.iter().map(|part| (&*part.name, part.z.is_some()));
+    let in_space = are_in_space(has_z, options)?;
+    if !in_space && parts.iter().any(|part| part.z.is_some()) {
+        others.push("z".to_owned());
+    }
     let mut columns = Vec::new();
     for part in &parts {
         let (Some(x), Some(y)) = (part.x, part.y) else {
@@ -150,7 +155,7 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         .filter(|name| !name.is_empty())
         .unwrap_or(stem);
     let mut sequences = Sequences::default();
-    let mut rows = Vec::new();
+    let (mut rows, mut heights) = (Vec::new(), Vec::new());
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
         // pandas writes a row with the name of the index.
@@ -204,6 +209,9 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
             if number > 0 && xy.iter().all(|v| v.is_nan()) {
                 continue;
             }
+            if let Some(column) = part.z.filter(|_| in_space) {
+                heights.push(table.coordinate(field(column)).map_err(wrong(column))?);
+            }
             rows.push(Row {
                 line,
                 sequence,
@@ -225,6 +233,7 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         sequences: sequences.names,
         points: parts.into_iter().map(|part| part.name).collect(),
         rows,
+        heights,
         sizes: Vec::new(),
         notices: table.into_notices(),
         lacks_size: false,

@@ -48,9 +48,9 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
         odd: Odd::default(),
     };
     match layout {
-        Layout::DeepLabCut => deeplabcut::read(table, stem),
+        Layout::DeepLabCut => deeplabcut::read(table, stem, options),
         Layout::Mot => mot::read(table, stem),
-        Layout::Wide | Layout::Sleap => wide::read(table, stem, layout),
+        Layout::Wide | Layout::Sleap => wide::read(table, stem, layout, options),
         _ => tidy::read(table, content, options),
     }
 }

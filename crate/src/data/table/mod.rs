@@ -15,7 +15,10 @@
 //! or without a row, is not visible. A `likelihood`, `score` or `confidence` (COCO's v) says how sure
 //! a point is; `visible` as well, and 0 hides it.
 //!
-//! The result is in ndc. Positions in pixels have the centre of the first pixel at (0, 0), as
+//! Points may have a z (`cube_x,cube_y,cube_z`; a column `z`; DeepLabCut's `z`): they are in space
+//! then, and stay in the unit of the file.
+//!
+//! Otherwise the result is in ndc. Positions in pixels have the centre of the first pixel at (0, 0), as
 //! everywhere here (see [`track`](crate::track)); they need the size of the images, which only COCO
 //! files have.
 
@@ -26,6 +29,7 @@ mod delimited;
 mod fields;
 mod mot;
 mod rows;
+mod space;
 mod tidy;
 mod wide;
 mod write;
@@ -50,8 +54,9 @@ use super::reading::{
 };
 use crate::error::{Error, Reason, Result};
 use crate::memory;
-use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+use crate::track::{FrameKey, GroundTruth, KeypointTrack, MOST_AXES};
 use rows::{Content, Raw, Row};
+use space::check_heights;
 
 /// Bytes of a point in a frame: its position, its confidence, and the row that gives it.
 const CELL: u64 = 2 * 8 + 8 + 4;
@@ -76,17 +81,7 @@ pub fn parse_ground_truth(
 ) -> Result<Parsed<GroundTruth>> {
     let read = || {
         let (raw, reading) = read(bytes, name, Content::GroundTruth, options)?;
-        if let Some(row) = raw
-            .rows
-            .iter()
-            .find(|r| r.xy.iter().any(|v| v.is_infinite()))
-        {
-            return Err(Error::input(format!(
-                "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
-                row.xy[0], row.xy[1]
-            ))
-            .at(raw.place(row)));
-        }
+        check_finite(&raw)?;
         let names = raw.points.clone();
         let Arranged {
             keys,
@@ -164,6 +159,26 @@ pub fn parse_keypoints(
     read().map_err(|e: Error| e.at(name))
 }
 
+/// Fails where a position is infinite.
+fn check_finite(raw: &Raw) -> Result<()> {
+    let is_infinite = |row: &&Row| row.xy.iter().any(|v| v.is_infinite());
+    if let Some(row) = raw.rows.iter().find(is_infinite) {
+        return Err(Error::input(format!(
+            "the position ({}, {}) is infinite; expected numbers, or empty fields where the object is not visible",
+            row.xy[0], row.xy[1]
+        ))
+        .at(raw.place(row)));
+    }
+    match raw.heights.iter().position(|z| z.is_infinite()) {
+        Some(at) => Err(Error::input(format!(
+            "the z {} is infinite; expected numbers, or empty fields where the object is not visible",
+            raw.heights[at]
+        ))
+        .at(raw.place(&raw.rows[at]))),
+        None => Ok(()),
+    }
+}
+
 /// Fails where positions are in pixels of images of unknown size: last of all, so that the size is
 /// all that is missing.
 fn check_size(raw: &Raw, reading: &Reading) -> Result<()> {
@@ -215,7 +230,11 @@ fn read(
             }
         }
     }
-    let reading = Reading::new(raw.layout, options);
+    let mut reading = Reading::new(raw.layout, options);
+    if !raw.heights.is_empty() {
+        check_heights(&raw)?;
+        reading.in_space(options)?;
+    }
     if reading.axes.value == AxisOrder::Yx {
         for row in &mut raw.rows {
             row.xy.swap(0, 1);
@@ -229,7 +248,10 @@ fn read(
     for row in &mut raw.rows {
         row.frame -= base;
     }
-    for row in &mut raw.rows {
+    for (row, z) in raw.rows.iter_mut().zip(&mut raw.heights) {
+        [row.xy[0], row.xy[1], *z] = options.place_in_space([row.xy[0], row.xy[1], *z]);
+    }
+    for row in raw.rows.iter_mut().filter(|_| raw.heights.is_empty()) {
         let own = row.size.map(|size| raw.sizes[size.get()]);
         match options.place(row.xy, reading.space.value, own.or(options.image_size)) {
             Some(placed) => row.xy = placed,
@@ -272,7 +294,12 @@ fn arrange(table: &Raw, name_of: impl Fn(usize) -> String) -> Result<Arranged> {
         return Err(Error::input("more than 4294967295 points; split the table"));
     }
     check_density(frames.len(), points, table.rows.len())?;
-    let mut values = Array3::from_elem((frames.len(), points, 2), f64::NAN);
+    let axes = if MOST_AXES == 2 || table.heights.is_empty() {
+        2
+    } else {
+        3
+    };
+    let mut values = Array3::from_elem((frames.len(), points, axes), f64::NAN);
     let confidences = || {
         table
             .rows
@@ -304,6 +331,9 @@ fn arrange(table: &Raw, name_of: impl Fn(usize) -> String) -> Result<Arranged> {
         }
         for axis in 0..2 {
             values[[t, point, axis]] = row.xy[axis];
+        }
+        if axes == 3 {
+            values[[t, point, 2]] = table.heights[number.get() as usize - 1];
         }
         if let Some(confidence) = &mut confidence {
             confidence[[t, point]] = row.confidence;

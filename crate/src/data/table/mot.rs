@@ -75,6 +75,7 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         sequences: sequences.names,
         points: points.names,
         rows,
+        heights: Vec::new(),
         sizes: Vec::new(),
         notices: table.into_notices(),
         lacks_size: false,

@@ -12,6 +12,8 @@ pub struct Raw {
     /// The names of the points.
     pub points: Vec<String>,
     pub rows: Vec<Row>,
+    /// The z of every row; none where points are in the image.
+    pub heights: Vec<f64>,
     /// Sizes of images that the file gives.
     pub sizes: Vec<[u32; 2]>,
     pub notices: Vec<Notice>,

@@ -2,7 +2,7 @@
 
 use super::fields::{Beside, Delimited, whole_number, wrong_field};
 use super::rows::{Content, Points, Raw, Row, Sequences};
-use super::wide::three_coordinates;
+use super::space::are_in_space;
 use super::write::unescaped;
 use crate::data::names::{cleaned, quote_list};
 use crate::data::reading::{Layout, TableOptions};
@@ -72,8 +72,12 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         .iter()
         .enumerate()
         .find_map(|(at, name)| Some((Beside::of(name)?, at)));
+    let z = find("z");
+    let has_z = are_in_space(std::iter::once(("a point", z.is_some())), options)?;
+    let z = z.filter(|_| has_z);
     let is_used = |at: usize, name: &str| {
-        sureness.is_some_and(|(_, column)| column == at)
+        z == Some(at)
+            || sureness.is_some_and(|(_, column)| column == at)
             || columns.iter().any(|c| name.eq_ignore_ascii_case(c))
     };
     let ignored: Vec<&str> = header
@@ -82,9 +86,6 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         .filter(|(at, name)| !is_used(*at, name))
         .map(|(_, name)| name)
         .collect();
-    if find("z").is_some() {
-        return Err(three_coordinates("a point"));
-    }
     table.leave_out(&ignored);
     if let Some(twice) = columns
         .iter()
@@ -98,7 +99,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
     let base = options.first_keypoint();
     let mut points = Points::default();
     let mut sequences = Sequences::default();
-    let mut rows = Vec::new();
+    let (mut rows, mut heights) = (Vec::new(), Vec::new());
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(at[column]).unwrap_or_default();
         let wrong =
@@ -117,6 +118,10 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
                 .sureness(record.get(column).unwrap_or_default())
                 .map_err(|message| wrong_field(line, name, message))?;
             xy = beside.position(xy, confidence);
+        }
+        if let Some(column) = z {
+            let height = table.coordinate(record.get(column).unwrap_or_default());
+            heights.push(height.map_err(|message| wrong_field(line, "z", message))?);
         }
         rows.push(Row {
             line,
@@ -138,6 +143,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         sequences: sequences.names,
         points: points.names,
         rows,
+        heights,
         sizes: Vec::new(),
         notices: table.into_notices(),
         lacks_size: false,

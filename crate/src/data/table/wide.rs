@@ -1,13 +1,14 @@
-//! Tables with one row a frame and two columns a point; SLEAP's analysis CSV, which has one row a
+//! Tables with one row a frame and two columns a point (three in space); SLEAP's analysis CSV, which has one row a
 //! frame and a track, is such a table.
 
 use std::collections::{HashMap, HashSet};
 
 use super::fields::{Beside, Delimited, wrong_field};
 use super::rows::{Points, Raw, Row, Sequences};
+use super::space::are_in_space;
 use super::write::unescaped;
 use crate::data::names::cleaned;
-use crate::data::reading::Layout;
+use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
 
 /// The columns of a point.
@@ -16,6 +17,7 @@ pub struct Columns {
     pub name: String,
     x: usize,
     y: usize,
+    z: Option<usize>,
     sureness: Option<(Beside, usize)>,
 }
 
@@ -54,10 +56,13 @@ fn point_of<'a>(field: &'a str, axis: &str) -> Option<&'a str> {
 /// The columns of all points.
 pub fn points(header: &csv::StringRecord) -> Vec<Columns> {
     let mut points: Vec<Columns> = Vec::new();
-    let (mut ys, mut sureness) = (HashMap::new(), HashMap::new());
+    let (mut ys, mut zs, mut sureness) = (HashMap::new(), HashMap::new(), HashMap::new());
     for (at, field) in header.iter().enumerate() {
         if let Some(name) = point_of(field, "y") {
             ys.entry(name).or_insert(at);
+        }
+        if let Some(name) = point_of(field, "z") {
+            zs.entry(name).or_insert(at);
         }
         let beside = field.rsplit_once(BETWEEN);
         if let Some((name, beside)) = beside.and_then(|(name, b)| Some((name, Beside::of(b)?))) {
@@ -73,15 +78,28 @@ pub fn points(header: &csv::StringRecord) -> Vec<Columns> {
             name: cleaned(name).into_owned(),
             x,
             y,
+            z: zs.get(name).copied(),
             sureness: sureness.get(name).copied(),
         });
     }
     points
 }
 
-pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
+pub fn read(
+    mut table: Delimited,
+    stem: &str,
+    layout: Layout,
+    options: &TableOptions,
+) -> Result<Raw> {
     let header = table.header.clone();
-    let columns = points(&header);
+    let mut columns = points(&header);
+    let has_z = columns
+        .iter()
+        .map(|point| (&*point.name, point.z.is_some()));
+    let in_space = are_in_space(has_z, options)?;
+    if !in_space {
+        columns.iter_mut().for_each(|point| point.z = None);
+    }
     let find = |names: &[&str]| {
         names
             .iter()
@@ -97,7 +115,6 @@ pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
     };
     let sequence_column = find(&["sequence"]);
     let track_column = find(&["track", "individual", "individuals"]);
-    let in_space: HashSet<&str> = header.iter().filter_map(|h| point_of(h, "z")).collect();
     let mut names = HashSet::new();
     for point in &columns {
         if !names.insert(&point.name) {
@@ -106,15 +123,13 @@ pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
                 point.name
             )));
         }
-        if in_space.contains(point.name.as_str()) {
-            return Err(three_coordinates(&point.name));
-        }
     }
     let mut is_used = vec![false; header.len()];
     let of_points = columns.iter().flat_map(|point| {
         [
             Some(point.x),
             Some(point.y),
+            point.z,
             point.sureness.map(|(_, at)| at),
         ]
     });
@@ -141,7 +156,7 @@ pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
     let mut tracks = Sequences::default();
     // For each track the numbers of its points.
     let mut numbers: Vec<Vec<u32>> = Vec::new();
-    let mut rows = Vec::new();
+    let (mut rows, mut heights) = (Vec::new(), Vec::new());
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
         let wrong = |column: usize| {
@@ -178,6 +193,7 @@ pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
         for (point, columns) in numbers[slot].iter().zip(&columns) {
             let mut at = |column: usize| table.coordinate(field(column)).map_err(wrong(column));
             let mut xy = [at(columns.x)?, at(columns.y)?];
+            let z = columns.z.map(at).transpose()?;
             let mut confidence = f64::NAN;
             if let Some((beside, column)) = columns.sureness {
                 confidence = table.sureness(field(column)).map_err(wrong(column))?;
@@ -187,6 +203,7 @@ pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
             if xy.iter().all(|v| v.is_nan()) && *point != numbers[slot][0] {
                 continue;
             }
+            heights.extend(z);
             rows.push(Row {
                 line,
                 sequence,
@@ -208,6 +225,7 @@ pub fn read(mut table: Delimited, stem: &str, layout: Layout) -> Result<Raw> {
         sequences: sequences.names,
         points: only_track(points.names, &tracks.names),
         rows,
+        heights,
         sizes: Vec::new(),
         notices: table.into_notices(),
         lacks_size: false,
@@ -223,12 +241,4 @@ fn only_track(points: Vec<String>, tracks: &[String]) -> Vec<String> {
     };
     let all: Option<Vec<String>> = points.iter().map(short).collect();
     all.unwrap_or(points)
-}
-
-/// The error of points in space.
-pub fn three_coordinates(point: &str) -> Error {
-    Error::input(format!(
-        "`{point}` has three coordinates, x, y and z; expected points in the image: project them with the camera first, or \
-         delete the columns z to score x and y alone"
-    ))
 }

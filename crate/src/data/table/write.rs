@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView1};
 
 use crate::data::reading::px_from_ndc;
 use crate::error::{Error, Result};
@@ -12,6 +12,7 @@ use crate::track::{GroundTruth, KeypointTrack};
 /// `confidence` where there is one.
 pub fn keypoints_csv(track: &KeypointTrack) -> String {
     let mut out = String::from("sequence,frame,keypoint,x,y");
+    out += height_header(track.axes());
     out += confidence_header(track.confidence());
     for (t, (key, points)) in track
         .keys()
@@ -22,15 +23,23 @@ pub fn keypoints_csv(track: &KeypointTrack) -> String {
         let sequence = quote_csv(&key.sequence);
         for (n, point) in points.rows().into_iter().enumerate() {
             // Writing to a String cannot fail.
-            let _ = write!(
-                out,
-                "{sequence},{},{n},{},{}",
-                key.frame, point[0], point[1]
-            );
+            let _ = write!(out, "{sequence},{},{n}", key.frame);
+            push_coordinates(&mut out, point);
             end_row(&mut out, track.confidence(), [t, n]);
         }
     }
     out
+}
+
+fn height_header(axes: usize) -> &'static str {
+    if axes == 3 { ",z" } else { "" }
+}
+
+fn push_coordinates(out: &mut String, point: ArrayView1<f64>) {
+    for value in point {
+        // Writing to a String cannot fail.
+        let _ = write!(out, ",{value}");
+    }
 }
 
 fn confidence_header(confidence: Option<&Array2<f64>>) -> &'static str {
@@ -50,10 +59,11 @@ fn end_row(out: &mut String, confidence: Option<&Array2<f64>>, at: [usize; 2]) {
     };
 }
 
-/// A ground-truth table as CSV, with every digit needed to read the same numbers again; x and y are
-/// empty where an object is not visible. With a column `confidence` where there is one.
+/// A ground-truth table as CSV, with every digit needed to read the same numbers again; x, y and, in
+/// space, z are empty where an object is not visible. With a column `confidence` where there is one.
 pub fn ground_truth_csv(truth: &GroundTruth) -> String {
     let mut out = String::from("sequence,frame,object,x,y");
+    out += height_header(truth.axes());
     out += confidence_header(truth.confidence());
     let frames = truth.keys().iter().zip(truth.points_ndc().outer_iter());
     for (t, (key, points)) in frames.enumerate() {
@@ -61,14 +71,11 @@ pub fn ground_truth_csv(truth: &GroundTruth) -> String {
         for (k, (name, point)) in truth.names().iter().zip(points.rows()).enumerate() {
             let name = quote_csv(name);
             // Writing to a String cannot fail.
-            let _ = match point.iter().all(|v| v.is_finite()) {
-                true => write!(
-                    out,
-                    "{sequence},{},{name},{},{}",
-                    key.frame, point[0], point[1]
-                ),
-                false => write!(out, "{sequence},{},{name},,", key.frame),
-            };
+            let _ = write!(out, "{sequence},{},{name}", key.frame);
+            match point.iter().all(|v| v.is_finite()) {
+                true => push_coordinates(&mut out, point),
+                false => out.extend(std::iter::repeat_n(',', point.len())),
+            }
             end_row(&mut out, truth.confidence(), [t, k]);
         }
     }

@@ -40,8 +40,12 @@ fn sure_truth(subject: &Subject) -> Option<GroundTruth> {
     GroundTruth::new(of.keys().to_vec(), of.names().to_vec(), points).ok()
 }
 
-/// What looks wrong, the worst first; nothing where all looks right.
+/// What looks wrong, the worst first; nothing where all looks right, and nothing of points in
+/// space: what is looked at is of images.
 pub fn examine(subject: &Subject) -> Vec<Finding> {
+    if (subject.keypoints.axes(), subject.truth.axes()) != (2, 2) {
+        return Vec::new();
+    }
     let keypoints = sure_keypoints(subject);
     let truth = sure_truth(subject);
     let subject = &Subject {

@@ -46,7 +46,7 @@ fn of(subject: &Subject, side: Side, blocks: &Blocks) -> Option<Finding> {
         return None;
     }
     let (count, what, spaces) = match reading.space.value {
-        Space::Ndc => {
+        Space::Ndc | Space::World => {
             if points.are_far() {
                 let count = points.count_where(|v| v > FAR);
                 let of = subject
@@ -87,7 +87,7 @@ fn of(subject: &Subject, side: Side, blocks: &Blocks) -> Option<Finding> {
             points.lowest,
             points.highest,
             match reading.space.value {
-                Space::Ndc => "ndc, -1 to +1 across the image",
+                Space::Ndc | Space::World => "ndc, -1 to +1 across the image",
                 Space::Pixels => "pixels",
                 Space::Fraction => "shares of the image, 0 to 1",
             }
@@ -134,7 +134,7 @@ impl Coordinates {
             for value in along.iter().filter(|v| v.is_finite()) {
                 let ndc = if flip[i] { -value } else { *value };
                 let value = match reading.space.value {
-                    Space::Ndc => ndc,
+                    Space::Ndc | Space::World => ndc,
                     Space::Pixels => ((ndc + 1.0) * f64::from(size[i]) - 1.0) / 2.0,
                     Space::Fraction => (ndc + 1.0) / 2.0,
                 };

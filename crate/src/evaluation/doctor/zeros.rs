@@ -37,7 +37,7 @@ fn of(subject: &Subject, side: Side) -> Option<Finding> {
     };
     let flip = reading.flip.value.axes();
     let is_zero = |p: [f64; 2]| match reading.space.value {
-        Space::Ndc => p == [0.0, 0.0],
+        Space::Ndc | Space::World => p == [0.0, 0.0],
         Space::Fraction => (0..2).all(|axis| p[axis] == if flip[axis] { 1.0 } else { -1.0 }),
         Space::Pixels => {
             (0..2).all(|axis| is_first_pixel(if flip[axis] { -p[axis] } else { p[axis] }))

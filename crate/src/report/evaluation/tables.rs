@@ -158,36 +158,58 @@ fn object_cells(report: &EvaluationReport, object: &ObjectReport, pixels: bool) 
 
 /// The fitted maps.
 pub(super) fn maps(report: &EvaluationReport) -> Table {
-    let columns = [
-        Column::text("object"),
-        Column::number("keypoint"),
-        Column::number("x"),
-        Column::number("y"),
-    ];
-    let mut table = Table::new("maps", "Fitted maps", columns)
-        .note("Position of the object from the keypoint (u, v), in ndc.");
+    let [coordinates, of_keypoint] = match report.dimensions {
+        Some(dimensions) => [dimensions.truth, dimensions.keypoints],
+        None => [2, 2],
+    };
+    let columns = ["x", "y", "z"].into_iter().take(coordinates);
+    let columns = [Column::text("object"), Column::number("keypoint")]
+        .into_iter()
+        .chain(columns.map(Column::number));
+    let unit = if report.is_in_space() {
+        "the unit of the ground truth"
+    } else {
+        "ndc"
+    };
+    let names = KEYPOINT[..of_keypoint.min(KEYPOINT.len())].join(", ");
+    let mut table = Table::new("maps", "Fitted maps", columns).note(format!(
+        "Position of the object from the keypoint ({names}), in {unit}."
+    ));
     for object in &report.objects {
         let Some((map, keypoint)) = object.map.zip(object.best_keypoint) else {
             continue;
         };
-        let [x, y] = terms(&map).map(Cell::text);
-        table.push([Cell::text(&object.name), Cell::count(keypoint as u64), x, y]);
+        let first = [Cell::text(&object.name), Cell::count(keypoint as u64)];
+        let terms = terms(&map).into_iter().map(Cell::text);
+        table.push(first.into_iter().chain(terms));
     }
     table
 }
 
-/// A map row by row, as terms of the keypoint (u, v).
-fn terms(map: &AffineMap) -> [String; 2] {
+/// What the coordinates of a keypoint are called.
+const KEYPOINT: [&str; 3] = ["u", "v", "w"];
+
+/// A map row by row, as terms of the keypoint (u, v) or (u, v, w).
+fn terms(map: &AffineMap) -> Vec<String> {
     let signed = |value: f64, what: &str| {
         let sign = if value < 0.0 { "−" } else { "+" };
         format!("{sign} {:.4}{what}", value.abs())
     };
-    [0, 1].map(|axis| {
-        let [u, v] = map.a[axis];
-        let sign = if u < 0.0 { "−" } else { "" };
-        let shift = signed(map.b[axis], "");
-        format!("{sign}{:.4} u {} {shift}", u.abs(), signed(v, " v"))
-    })
+    let row = |axis: usize| {
+        let mut text = String::new();
+        for (i, (factor, name)) in map.a[axis].iter().zip(KEYPOINT).enumerate() {
+            text += &match i {
+                0 => format!(
+                    "{}{:.4} {name}",
+                    if *factor < 0.0 { "−" } else { "" },
+                    factor.abs()
+                ),
+                _ => format!(" {}", signed(*factor, &format!(" {name}"))),
+            };
+        }
+        format!("{text} {}", signed(map.b[axis], ""))
+    };
+    (0..map.a.len()).map(row).collect()
 }
 
 /// The sequences in which the best keypoint of an object is furthest from it.

@@ -42,8 +42,12 @@ pub(super) fn protocol(report: &EvaluationReport) -> String {
             report.transform, report.rank
         )
     };
+    let unit = match report.is_in_space() {
+        true => "in space, in the squared unit of the ground truth",
+        false => "in ndc (−1 to +1 across the image)",
+    };
     let mut text = format!(
-        "The tracking error is the mean squared distance in ndc (−1 to +1 across the image); {map}. An object is tracked when \
+        "The tracking error is the mean squared distance {unit}; {map}. An object is tracked when \
          the error of its best keypoint is at most its threshold; the tracking capability (TC) is the share of tracked objects."
     );
     if let Some(held_out) = &report.held_out {

@@ -68,7 +68,7 @@ impl Runs {
             Some(run) => run.objects.clone(),
             None => agents.objects(),
         };
-        let objects = thresholds.objects(&names, "the runs have")?;
+        let objects = thresholds.objects(&names, "the runs have", 1.0)?;
         let can_group = has_setting(&runs, grouping);
         let by = match !can_group && agents.have_setting(grouping) {
             true => &Grouping::Settings,
