@@ -367,7 +367,7 @@ fn training_lowers_the_error_of_whitened_colours() {
         };
         run(&config, &out);
         let log = fs::read(out.join(LOG)).expect("a log");
-        let (entries, _) = read_log(&log);
+        let (entries, _) = read_log::<EpochLog>(&log);
         let losses: Vec<f64> = entries.iter().map(|e| e.training.reconstruction).collect();
         losses
     };
@@ -611,7 +611,7 @@ fn a_run_folder_is_read_back() {
 
     // A log that a crash cut in the middle of its last line.
     let log = read(LOG);
-    let (epochs, broken) = read_log(&log[..log.len() - 9]);
+    let (epochs, broken) = read_log::<EpochLog>(&log[..log.len() - 9]);
     assert_eq!(epochs.len(), 1);
     assert!(
         broken

@@ -81,7 +81,7 @@ impl PointSequences {
             ..Reading::new(Layout::Arrays, options)
         };
         let coordinates = if options.xy_only { 2 } else { axes };
-        if coordinates == 3 {
+        if MOST_AXES == 3 && coordinates == 3 {
             reading.in_space(options)?;
         }
         if reading.space.value == Space::Pixels && options.image_size.is_none() {

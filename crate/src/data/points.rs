@@ -217,7 +217,7 @@ impl Points {
         }];
         if coordinates < axes_in_file {
             notices.push(format!("`{name}`: z is left out of {points} points").into());
-        } else if coordinates == 3 {
+        } else if MOST_AXES == 3 && coordinates == 3 {
             notices.push(format!("`{name}`: the third number of a point is its z").into());
         }
         notices.extend(file.left_out().iter().cloned().map(Notice::from));
@@ -240,7 +240,7 @@ impl Points {
             index_base: Known::of(None, 0, Ground::File),
             ..Reading::new(Layout::Arrays, options)
         };
-        if coordinates == 3 {
+        if MOST_AXES == 3 && coordinates == 3 {
             reading.in_space(options)?;
         }
         let lacks_size = reading.space.value == Space::Pixels && options.image_size.is_none();
@@ -345,7 +345,9 @@ pub(super) fn place(
         if reading.axes.value == AxisOrder::Yx {
             point.swap(0, 1);
         }
-        if let [x, y, z] = *point {
+        if MOST_AXES == 3
+            && let [x, y, z] = *point
+        {
             point.copy_from_slice(&options.place_in_space([x, y, z]));
             continue;
         }

@@ -530,7 +530,7 @@ impl EvaluationReport {
 
     /// Says that the thresholds of `names`, which are defaults, are times `unit`.
     pub(super) fn take_threshold_unit(&mut self, names: &[&str], unit: f64) {
-        if unit != 1.0 && !names.is_empty() {
+        if MOST_AXES == 3 && unit != 1.0 && !names.is_empty() {
             self.warnings.push(format!(
                 "the thresholds of {} are the defaults of an image, with the longest side of the box around all \
                  objects ({:.6}) in the place of its side; give your own with --threshold, in the squared unit of \
@@ -670,6 +670,7 @@ fn why_unknown(found: &Sufficiency, threshold: f64) -> String {
 /// What the map is between points of which one has more coordinates than the other.
 fn on_dimensions(axes: [usize; 2]) -> Option<String> {
     let text = match axes {
+        _ if MOST_AXES == 2 => return None,
         [2, 3] => {
             "keypoints have two coordinates and the ground truth three: the map is the best linear one from the \
              image into space, and errors are in the unit of the ground truth"

@@ -14,7 +14,7 @@ use crate::metric::{
     Accumulator, Axes, Bootstrap, Evaluation, Fit, HeldOut, Intervals, Moments, NonFinite, Object,
     Settings, Sufficiency, deal, farthest_frame, held_out, sufficiency,
 };
-use crate::track::{FrameKey, GroundTruth, KeypointTrack};
+use crate::track::{FrameKey, GroundTruth, KeypointTrack, MOST_AXES};
 
 /// Bytes that a pair of a keypoint and an object takes: its moments, its error, and both in JSON.
 const PAIR: u64 = 11 * 8 + 8 + 16 + 32;
@@ -512,6 +512,7 @@ impl Scoring {
     /// Fails where points are in space, of which `what` says nothing.
     pub(super) fn need_image(&self, what: &str) -> Result<()> {
         match self.axes() {
+            _ if MOST_AXES == 2 => Ok(()),
             [2, 2] => Ok(()),
             _ => Err(Error::mismatch(format!(
                 "{what} compare distances with the size of the image, and points have three coordinates; \
@@ -671,7 +672,7 @@ fn check_pairs(
 /// See [`Scoring::threshold_unit`].
 fn threshold_unit(truth: &Array3<f64>) -> f64 {
     let axes = truth.dim().2;
-    if axes == 2 {
+    if MOST_AXES == 2 || axes == 2 {
         return 1.0;
     }
     let side = |axis: usize| {

@@ -115,7 +115,9 @@ impl Accumulator {
         }
         let mut first = Self::new(keypoints, objects, policy);
         first.axes = axes;
-        first.others = vec![Self::new(keypoints, objects, policy); planes(axes).len() - 1];
+        if MOST_AXES == 3 {
+            first.others = vec![Self::new(keypoints, objects, policy); planes(axes).len() - 1];
+        }
         Ok(first)
     }
 
@@ -174,7 +176,7 @@ impl Accumulator {
                 "the ground truth of object {k} is infinite; expected numbers, or NaN where it is not visible"
             )));
         }
-        if self.others.is_empty() {
+        if MOST_AXES == 2 || self.others.is_empty() {
             return self.push_to_plane(keypoints, truth);
         }
         let (keypoints, truth) = (whole(keypoints), whole(truth));
@@ -281,9 +283,11 @@ impl Accumulator {
                 other.objects.len()
             )));
         }
-        let others = std::mem::take(&mut other.others);
-        for (mine, theirs) in self.others.iter_mut().zip(others) {
-            mine.merge(theirs)?;
+        if MOST_AXES == 3 {
+            let others = std::mem::take(&mut other.others);
+            for (mine, theirs) in self.others.iter_mut().zip(others) {
+                mine.merge(theirs)?;
+            }
         }
         let other = other.finish();
         self.frames += other.frames;
@@ -307,7 +311,10 @@ impl Accumulator {
             missing: self.missing,
             objects: self.objects,
             axes: self.axes,
-            others: self.others.into_iter().map(Self::finish).collect(),
+            others: match MOST_AXES {
+                3 => self.others.into_iter().map(Self::finish).collect(),
+                _ => Vec::new(),
+            },
         }
     }
 

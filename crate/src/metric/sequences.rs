@@ -12,6 +12,7 @@ use super::moments::{Moments, PairMoments};
 use super::scale::{exponent, non_negative, times_power};
 use super::stats::percentile_interval;
 use crate::error::{Error, Result};
+use crate::track::MOST_AXES;
 
 /// The metric with maps and best keypoints that were chosen on other sequences than they are scored
 /// on.
@@ -79,8 +80,10 @@ impl Moments {
         for (mine, theirs) in self.objects.iter_mut().zip(&other.objects) {
             mine.merge(theirs);
         }
-        for (mine, theirs) in self.others.iter_mut().zip(&other.others) {
-            mine.merge(theirs)?;
+        if MOST_AXES == 3 {
+            for (mine, theirs) in self.others.iter_mut().zip(&other.others) {
+                mine.merge(theirs)?;
+            }
         }
         Ok(())
     }

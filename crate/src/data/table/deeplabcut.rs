@@ -11,6 +11,7 @@ use super::space::are_in_space;
 use crate::data::names::cleaned;
 use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
+use crate::track::MOST_AXES;
 
 /// What the video is called before the name that an analysis adds to it, `VIDEODLC_resnet50_…`.
 const ANALYSIS: &str = "DLC_";
@@ -129,7 +130,7 @@ pub fn read(mut table: Delimited, stem: &str, options: &TableOptions) -> Result<
     let first = header.first();
     let (parts, mut others) = header.parts()?;
     let has_z = parts.iter().map(|part| (&*part.name, part.z.is_some()));
-    let in_space = are_in_space(has_z, options)?;
+    let in_space = are_in_space(has_z, options)? && MOST_AXES == 3;
     if !in_space && parts.iter().any(|part| part.z.is_some()) {
         others.push("z".to_owned());
     }

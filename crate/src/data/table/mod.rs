@@ -169,7 +169,8 @@ fn check_finite(raw: &Raw) -> Result<()> {
         ))
         .at(raw.place(row)));
     }
-    match raw.heights.iter().position(|z| z.is_infinite()) {
+    let is_high = |z: &f64| MOST_AXES == 3 && z.is_infinite();
+    match raw.heights.iter().position(is_high) {
         Some(at) => Err(Error::input(format!(
             "the z {} is infinite; expected numbers, or empty fields where the object is not visible",
             raw.heights[at]
@@ -231,7 +232,7 @@ fn read(
         }
     }
     let mut reading = Reading::new(raw.layout, options);
-    if !raw.heights.is_empty() {
+    if MOST_AXES == 3 && !raw.heights.is_empty() {
         check_heights(&raw)?;
         reading.in_space(options)?;
     }
@@ -248,10 +249,13 @@ fn read(
     for row in &mut raw.rows {
         row.frame -= base;
     }
-    for (row, z) in raw.rows.iter_mut().zip(&mut raw.heights) {
-        [row.xy[0], row.xy[1], *z] = options.place_in_space([row.xy[0], row.xy[1], *z]);
+    if MOST_AXES == 3 && !raw.heights.is_empty() {
+        for (row, z) in raw.rows.iter_mut().zip(&mut raw.heights) {
+            [row.xy[0], row.xy[1], *z] = options.place_in_space([row.xy[0], row.xy[1], *z]);
+        }
+        return Ok((raw, reading));
     }
-    for row in raw.rows.iter_mut().filter(|_| raw.heights.is_empty()) {
+    for row in &mut raw.rows {
         let own = row.size.map(|size| raw.sizes[size.get()]);
         match options.place(row.xy, reading.space.value, own.or(options.image_size)) {
             Some(placed) => row.xy = placed,

@@ -7,6 +7,7 @@ use super::write::unescaped;
 use crate::data::names::{cleaned, quote_list};
 use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
+use crate::track::MOST_AXES;
 
 /// More keypoints than any detector has; a guard against a table whose columns are mixed up.
 const MAX_KEYPOINTS: u64 = 4096;
@@ -73,7 +74,7 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
         .enumerate()
         .find_map(|(at, name)| Some((Beside::of(name)?, at)));
     let z = find("z");
-    let has_z = are_in_space(std::iter::once(("a point", z.is_some())), options)?;
+    let has_z = are_in_space(std::iter::once(("a point", z.is_some())), options)? && MOST_AXES == 3;
     let z = z.filter(|_| has_z);
     let is_used = |at: usize, name: &str| {
         z == Some(at)

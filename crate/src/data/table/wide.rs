@@ -10,6 +10,7 @@ use super::write::unescaped;
 use crate::data::names::cleaned;
 use crate::data::reading::{Layout, TableOptions};
 use crate::error::{Error, Result};
+use crate::track::MOST_AXES;
 
 /// The columns of a point.
 pub struct Columns {
@@ -96,7 +97,7 @@ pub fn read(
     let has_z = columns
         .iter()
         .map(|point| (&*point.name, point.z.is_some()));
-    let in_space = are_in_space(has_z, options)?;
+    let in_space = are_in_space(has_z, options)? && MOST_AXES == 3;
     if !in_space {
         columns.iter_mut().for_each(|point| point.z = None);
     }
@@ -193,7 +194,7 @@ pub fn read(
         for (point, columns) in numbers[slot].iter().zip(&columns) {
             let mut at = |column: usize| table.coordinate(field(column)).map_err(wrong(column));
             let mut xy = [at(columns.x)?, at(columns.y)?];
-            let z = columns.z.map(at).transpose()?;
+            let z = columns.z.filter(|_| in_space).map(at).transpose()?;
             let mut confidence = f64::NAN;
             if let Some((beside, column)) = columns.sureness {
                 confidence = table.sureness(field(column)).map_err(wrong(column))?;

@@ -184,9 +184,10 @@ fn at_the_end(agents: &AgentsReport) -> Result<Figure> {
     })?;
     Ok(Figure {
         name: "success-at-the-end".to_owned(),
-        caption: "Success at the end of the curves: interquartile mean over the runs with its 95 % \
+        caption:
+            "Success at the end of the curves: interquartile mean over the runs with its 95 % \
                   interval; small: every run."
-            .to_owned(),
+                .to_owned(),
         svg,
     })
 }
