@@ -114,7 +114,7 @@ impl Moments {
     pub fn fit(&self, n: usize, k: usize, settings: &Settings) -> Result<Option<Fit>> {
         #[cfg(feature = "space")]
         if !self.others.is_empty() {
-            return super::space::fit(self, n, k, settings);
+            return super::space::fit(self, n, k, settings.transform, settings.rank);
         }
         let pair = self.objects[k].pair(n);
         (pair.frames > 0)

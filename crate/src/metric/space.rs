@@ -5,7 +5,6 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::axes::Axes;
-use super::evaluation::Settings;
 use super::map::{
     self, AffineMap, CENTRED_BOUND, Fit, LEAST_FACTOR, Rank, Transform, out_of_range,
 };
@@ -36,14 +35,20 @@ struct Pair {
 /// # Errors
 /// When the map or its error is beyond the range of f64, and when a map that goes coordinate by
 /// coordinate is asked for between points of which one has more than the other.
-pub fn fit(moments: &Moments, n: usize, k: usize, settings: &Settings) -> Result<Option<Fit>> {
+pub fn fit(
+    moments: &Moments,
+    n: usize,
+    k: usize,
+    transform: Transform,
+    rank: Rank,
+) -> Result<Option<Fit>> {
     let pair = Pair::of(moments, n, k);
     if pair.frames == 0 {
         return Ok(None);
     }
-    let fit = match settings.transform {
-        Transform::Affine => pair.affine(settings.rank),
-        other => pair.by_coordinates(moments.axes, other, settings.rank),
+    let fit = match transform {
+        Transform::Affine => pair.affine(rank),
+        other => pair.by_coordinates(moments.axes, other, rank),
     };
     fit.map(Some)
 }

@@ -344,11 +344,22 @@ mod tests {
     #[cfg(feature = "space")]
     #[test]
     fn the_bound_in_space_is_that_of_the_plane_where_all_is_in_the_plane() {
-        for (variances, threshold) in [([0.7, 0.3], 0.2), ([0.5, 0.5], 0.1), ([0.9, 1e-9], 0.3)] {
+        for (variances, threshold) in [([0.7, 0.3], 0.2), ([0.5, 0.5], 0.1), ([0.9, 1e-5], 0.3)] {
             let plane = chance_in_plane(13.0, variances, threshold);
             let space = chance_in_space(13.0, &variances, 2, threshold);
             assert!((plane - space).abs() < 1e-9 * plane, "{plane} {space}");
         }
+    }
+
+    #[cfg(feature = "space")]
+    #[test]
+    fn a_rate_that_is_cut_leaves_a_bound() {
+        // The second rate is 1e9 times the first one. Cut to 1e6 times, it adds a millionth of the
+        // first one's mean to the sum, and so a millionth to the chance.
+        let plane = chance_in_plane(13.0, [0.9, 1e-9], 0.3);
+        let space = chance_in_space(13.0, &[0.9, 1e-9], 2, 0.3);
+        let more = space / plane - 1.0;
+        assert!((0.0..2e-6).contains(&more), "{plane} {space}");
     }
 
     #[cfg(feature = "space")]

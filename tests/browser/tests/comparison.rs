@@ -235,7 +235,7 @@ async fn folders_of_agents_compare_as_in_the_terminal() {
 
     // An encoder whose tracking no agent records is known by its training.
     // CRC-32 of the weights by zlib.
-    let (weights, crc32) = (b"weights of basic", 2_716_245_041);
+    let (weights, crc32) = (b"weights of basic", 2_716_245_041_u32);
     let trained = folder.path().join("encoders");
     write_run(&trained.join("basic/seed-00"), "basic", 0, 4);
     fs::write(
