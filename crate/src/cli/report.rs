@@ -130,8 +130,8 @@ fn read_runs(folders: &[PathBuf]) -> Result<(Vec<Arc<Run>>, Agents, Vec<Unread>)
     let (mut runs, mut agents) = (Vec::new(), Agents::default());
     for found in find_runs(search.names.iter().map(String::as_str)).runs {
         match search.read(&found) {
-            Ok(AnyRun::Training(run)) => runs.push((Arc::new(run), found)),
-            Ok(AnyRun::Agent(run)) => agents.push(run),
+            Ok(AnyRun::Training(run)) => runs.push((run, found)),
+            Ok(AnyRun::Agent(run)) => agents.push(*run),
             Err(why) => search.unread.push(why),
         }
     }
@@ -153,8 +153,8 @@ fn read_runs(folders: &[PathBuf]) -> Result<(Vec<Arc<Run>>, Agents, Vec<Unread>)
 
 /// A run of either kind.
 enum AnyRun {
-    Training(Run),
-    Agent(AgentRun),
+    Training(Arc<Run>),
+    Agent(Box<AgentRun>),
 }
 
 /// The CRC-32 of a checkpoint with its evaluation, from `CHECKPOINT=FILE.json`.
@@ -278,8 +278,12 @@ impl Search {
             error: error.as_deref(),
         };
         match files.kind() {
-            RunKind::Encoder => Run::parse(&found.folder, &files).map(AnyRun::Training),
-            RunKind::Agent => AgentRun::parse(&found.folder, &files).map(AnyRun::Agent),
+            RunKind::Encoder => {
+                Run::parse(&found.folder, &files).map(|run| AnyRun::Training(Arc::new(run)))
+            }
+            RunKind::Agent => {
+                AgentRun::parse(&found.folder, &files).map(|run| AnyRun::Agent(Box::new(run)))
+            }
         }
     }
 

@@ -375,11 +375,11 @@ mod tests {
     #[test]
     fn a_sum_of_equal_exponentials_is_erlangs() {
         // e^-d (1 + d + d^2 / 2) of three with rate 1.
-        for d in [0.1, 2.0, 20.0] {
-            let expected = (-d as f64).exp() * (1.0 + d + d * d / 2.0);
+        for d in [0.1f64, 2.0, 20.0] {
+            let expected = (-d).exp() * (1.0 + d + d * d / 2.0);
             let found = beyond(&[1.0, 1.0, 1.0], d);
             assert!(
-                (found - expected).abs() < 1e-12 * expected.max(1e-3),
+                (found - expected).abs() < 1e-12 * larger(expected, 1e-3),
                 "{d}: {found}"
             );
         }
