@@ -72,7 +72,7 @@ async function answer(request, bytes) {
   try {
     if (request.type === "refuse") return { type: "failed", message: request.message };
     const { path } = request.source;
-    if (request.type === "open") return opened(request, await bytes);
+    if (request.type === "open") return await opened(request, await bytes);
     if (!open) throw new Error("no checkpoint was opened");
     const extraction = open.of.extract(await decodable(await bytes, path), path);
     const { points, width, height } = extraction;

@@ -25,11 +25,11 @@ pub(crate) const WATCH: &str = r#"
   const error = console.error;
   console.error = (...all) => { complain(all.join(" ")); error(...all); };
   globalThis.__made = 0;
-  const make = URL.createObjectURL;
+  const makeAddress = URL.createObjectURL;
   URL.createObjectURL = (file) => {
     globalThis.__made += 1;
     globalThis.__last = file;
-    return make.call(URL, file);
+    return makeAddress.call(URL, file);
   };
 "#;
 

@@ -1,10 +1,13 @@
 //! Detectors as ONNX models on the page, against the `tracklens` command on the same files.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use tracklens_page_tests::{Browser, Page, eval, in_every_browser, parsed};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 in_every_browser! {
     a_model_is_asked_what_it_does_not_say
@@ -17,15 +20,32 @@ in_every_browser! {
 const TOLERANCE: f64 = 1e-4;
 
 fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../data")
-        .join(name)
+        .join(name);
+    // Chromium's driver takes no path with `..`.
+    path.canonicalize().expect("the tests' data")
 }
 
-/// Frames and ground truth, and then a model.
-async fn drop_model(page: &Page, model: &Path) {
-    page.pick_folder(&data("panda_push")).await;
-    page.pick(&[model]).await;
+/// Frames and ground truth in an archive, and then a model. Firefox's driver picks no folders.
+async fn drop_model(page: &Page, folder: &Path, model: &Path) {
+    let archive = folder.join("recording.zip");
+    let mut zip = ZipWriter::new(File::create(&archive).expect("an archive"));
+    let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    let root = data("panda_push");
+    let mut paths = vec![root.join("ground_truth.csv")];
+    for sequence in ["seq_0000", "seq_0001", "seq_0012"] {
+        let frames = fs::read_dir(root.join(sequence)).expect("frames");
+        paths.extend(frames.map(|frame| frame.expect("a frame").path()));
+    }
+    for path in paths {
+        let name = path.strip_prefix(&root).expect("inside").to_string_lossy();
+        zip.start_file(name, stored).expect("an entry");
+        zip.write_all(&fs::read(&path).expect("a file"))
+            .expect("written");
+    }
+    zip.finish().expect("an archive");
+    page.pick(&[&archive, model]).await;
 }
 
 async fn choose(page: &Page, name: &str, value: &str) {
@@ -56,9 +76,10 @@ async fn equals(page: &Page, model: &Path, options: &[&str]) {
 }
 
 async fn a_model_is_asked_what_it_does_not_say(browser: Browser) {
+    let folder = tempfile::tempdir().expect("a folder");
     let page = Page::open_in(browser).await;
     let model = data("onnx/points.onnx");
-    drop_model(&page, &model).await;
+    drop_model(&page, folder.path(), &model).await;
     let legend = "document.querySelector('.model-settings legend')?.textContent ?? ''";
     page.until(&format!("({legend}).includes('does not say')"))
         .await;
@@ -66,15 +87,15 @@ async fn a_model_is_asked_what_it_does_not_say(browser: Browser) {
         .value("document.querySelector('#results').dataset.tc ?? null")
         .await;
     assert_eq!(none, Value::Null);
-    choose(&page, "normalize", "symmetric").await;
-    choose(&page, "unit", "px").await;
-    choose(&page, "columns", "xyc").await;
+    choose(&page, "normalize", "bytes").await;
+    choose(&page, "unit", "fraction").await;
+    choose(&page, "columns", "yxc").await;
     page.until_scored().await;
     let command = page
         .value("document.querySelector('#command').textContent")
         .await;
     let command = command.as_str().expect("a command").to_owned();
-    let said = ["--normalize=symmetric", "--unit=px", "--columns=xyc"];
+    let said = ["--normalize=bytes", "--unit=fraction", "--columns=yxc"];
     for option in said {
         assert!(command.contains(option), "{command}");
     }
@@ -90,7 +111,7 @@ async fn what_a_file_beside_a_model_says_is_not_asked(browser: Browser) {
     fs::write(&beside, r#"{"normalize": "imagenet"}"#).expect("written");
     let page = Page::open_in(browser).await;
     page.pick(&[&beside]).await;
-    drop_model(&page, &model).await;
+    drop_model(&page, folder.path(), &model).await;
     equals(&page, &model, &[]).await;
     // Nothing shows how it comes to its points.
     let heat = "document.querySelector('.layer[data-mark=heat]')";
