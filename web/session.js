@@ -250,9 +250,12 @@ export class Session extends EventTarget {
    * @param {import("./files/model-settings.js").Settings} said `undefined` takes back what was said
    */
   setModel(entry, said) {
-    const all = Object.entries({ ...entry.settings, ...said });
-    const settings = Object.fromEntries(all.filter(([, value]) => value !== undefined));
-    return this.#change(async () => this.library.setModel(entry, settings));
+    return this.#change(async () => {
+      // When its turn comes: another answer may be on its way.
+      const all = Object.entries({ ...entry.settings, ...said });
+      const settings = Object.fromEntries(all.filter(([, value]) => value !== undefined));
+      this.library.setModel(entry, settings);
+    });
   }
 
   /**
