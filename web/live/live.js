@@ -7,7 +7,7 @@
 import { messageOf } from "../errors.js";
 import { arrayOfPixels } from "../files/containers/npy.js";
 import { latentToImage } from "../pkg/index.js";
-import { addStyle } from "../ui/style.js";
+import { opener } from "../ui/instead.js";
 import { Recording } from "./recording.js";
 import { openCamera, openFile } from "./source.js";
 import { LiveView } from "./view.js";
@@ -25,23 +25,11 @@ import { LiveView } from "./view.js";
 /** Milliseconds that the rate is taken over. */
 const RATE_OVER = 2000;
 
-/** One for every session. @type {WeakMap<Session, Live>} */
-const lives = new WeakMap();
-
-/**
- * Opens the live view, or goes back to it.
- * @param {Session} session
- */
-export async function openLive(session) {
-  const styles = ["../ui/instead.css", "./live.css"];
-  await Promise.all(styles.map((path) => addStyle(new URL(path, import.meta.url))));
-  let live = lives.get(session);
-  if (!live) {
-    live = new Live(session);
-    lives.set(session, live);
-  }
-  live.open();
-}
+/** Opens the live view, or goes back to it. */
+export const openLive = opener(
+  new URL("./live.css", import.meta.url),
+  (/** @type {Session} */ session) => new Live(session),
+);
 
 export class Live {
   /** @type {"choosing" | "starting" | "running" | "paused"} */

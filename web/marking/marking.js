@@ -5,7 +5,7 @@
  */
 
 import { LEAST_MARKED } from "../files/texts.js";
-import { addStyle } from "../ui/style.js";
+import { opener } from "../ui/instead.js";
 import { framesOf, proposed } from "./frames.js";
 import { keepMarks, keptMarks } from "./keep.js";
 import { Marks, csvOf } from "./marks.js";
@@ -21,23 +21,11 @@ const QUIET = 500;
 /** Milliseconds that the last mark of a frame is looked at. */
 const LOOK = 350;
 
-/** One for every session. @type {WeakMap<Session, Marking>} */
-const markings = new WeakMap();
-
-/**
- * Opens the marking, or goes back to it.
- * @param {Session} session
- */
-export async function openMarking(session) {
-  const styles = ["../ui/instead.css", "./marking.css"];
-  await Promise.all(styles.map((path) => addStyle(new URL(path, import.meta.url))));
-  let marking = markings.get(session);
-  if (!marking) {
-    marking = new Marking(session);
-    markings.set(session, marking);
-  }
-  marking.open();
-}
+/** Opens the marking, or goes back to it. */
+export const openMarking = opener(
+  new URL("./marking.css", import.meta.url),
+  (/** @type {Session} */ session) => new Marking(session),
+);
 
 export class Marking {
   /** @type {MarkedFrame[]} */

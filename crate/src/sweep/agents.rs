@@ -8,7 +8,7 @@ use fastrand::Rng;
 use serde::Deserialize;
 use toml::de::DeTable;
 
-use super::plan::{Plan, PlannedRun};
+use super::plan::{Plan, PlannedRun, digits_of};
 use super::reader::{Reader, Setting, SettingKind, Value, find, integer, nearest, need};
 use crate::error::{Error, Result};
 use crate::run::{
@@ -131,12 +131,7 @@ impl AgentSweep {
     pub fn plan(&self) -> Result<Plan> {
         let checkpoints = self.encoders.as_ref().map(Encoders::checkpoints);
         let checkpoints = checkpoints.transpose()?.unwrap_or_default();
-        let digits = self
-            .seeds
-            .iter()
-            .max()
-            .map_or(1, |seed| seed.to_string().len())
-            .max(2);
+        let digits = digits_of(&self.seeds);
         let mut runs = Vec::new();
         for state in &self.states {
             let seen: Vec<Option<&Named>> = match sees_by_encoder(state) {

@@ -55,6 +55,12 @@ pub struct Plan {
     pub runs: Vec<PlannedRun>,
 }
 
+/// How many digits a seed has in the name of a run, two at least, so that the names sort.
+pub(super) fn digits_of(seeds: &[u64]) -> usize {
+    let most = seeds.iter().max();
+    most.map_or(1, |seed| seed.to_string().len()).max(2)
+}
+
 impl SweepFile {
     /// Reads a sweep file (TOML), whose paths are relative to `folder`.
     ///
@@ -72,12 +78,7 @@ impl SweepFile {
 
     /// Every architecture with every variant and every seed: seeds change fastest.
     pub fn plan(&self) -> Plan {
-        let digits = self
-            .seeds
-            .iter()
-            .max()
-            .map_or(1, |seed| seed.to_string().len())
-            .max(2);
+        let digits = digits_of(&self.seeds);
         let mut runs = Vec::new();
         for architecture in &self.architectures {
             let own = self
