@@ -16,9 +16,10 @@
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
  * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
- * ({@link readPoints}, {@link mapColumns}), `onnx` ({@link Detector}), `figures` and `comparison` ({@link Comparison}).
+ * ({@link readPoints}, {@link mapColumns}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
+ * `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "doctor" | "extraction" | "images" | "formats" | "onnx" | "figures" | "comparison";
+export type Part = "scoring" | "doctor" | "extraction" | "images" | "formats" | "onnx" | "temporal" | "figures" | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -325,7 +326,7 @@ export interface Finding {
 }
 
 /**
- * A table as a plain object, for {@link examine}: for each frame the position of its sequence among
+ * A table as a plain object, for {@link examine} and {@link temporalQuality}: for each frame the position of its sequence among
  * those of `head`, and its number in that sequence.
  */
 export type TableObject = {
@@ -344,6 +345,23 @@ export function examine(
   minConfidence?: MinConfidence,
   alignment?: Partial<Alignment>,
 ): Finding[];
+
+/** Measures over time, beside the TC, of every object's best keypoint (docs/metrics.md of the repository). */
+export interface TemporalQuality {
+  /** Folds of the sequences that maps are held out on; 0: none. */
+  folds: number;
+  /** By object, and of all together where that is not a mean of theirs; `null` where there is nothing to be measured. */
+  measures: { measure: string; objects: (number | null)[]; all: number | null }[];
+}
+
+/** How good the best keypoints of two tables are over time, as `--temporal` of the terminal. Of the part `temporal`. */
+export function temporalQuality(
+  truth: TableObject,
+  keypoints: TableObject,
+  minConfidence?: MinConfidence,
+  alignment?: Partial<Alignment>,
+  options?: ScoreOptions,
+): TemporalQuality;
 
 /** What a checkpoint holds. */
 export interface EncoderInfo {
@@ -496,6 +514,8 @@ export interface ScoreOptions {
   sequences?: boolean;
   /** Also give other metrics: regression with PCK, min-cost assignment. */
   context?: boolean;
+  /** For {@link Scoring.command} alone: that {@link temporalQuality} measured as well. */
+  temporal?: boolean;
   /** Smallest confidences at which the TC is also given; default: where the confidences differ. */
   confidenceLevels?: number[];
 }
@@ -626,6 +646,8 @@ export interface Evaluation {
   }[];
   /** With `context`. */
   context?: Context;
+  /** Of the terminal with `--temporal`, or what {@link temporalQuality} gave. */
+  temporal?: TemporalQuality;
 }
 
 /**
@@ -634,8 +656,35 @@ export interface Evaluation {
  */
 export function parseEvaluation(bytes: Uint8Array, name: string): Evaluation;
 
-/** An evaluation as one HTML file with its figures, which runs no script and loads nothing. */
-export function evaluationPage(evaluation: Evaluation): string;
+/** A sequence that plays in {@link evaluationPage}: its first F frames. */
+export interface Film {
+  sequence: string;
+  /** How many frames the sequence has. */
+  length: number;
+  /** Width and height of the images, or how they relate. */
+  size: [number, number];
+  /** The numbers of the frames. */
+  frames: number[];
+  /** The image of each frame as a data URI; empty where there are no images. */
+  images: (string | null)[];
+  /** The objects, each with a keypoint, in ndc; `null` where it is not visible. */
+  tracks: {
+    object: string;
+    keypoint: number;
+    truth: ([number, number] | null)[];
+    /** The keypoint under its fitted map. */
+    mapped: ([number, number] | null)[];
+  }[];
+}
+
+/**
+ * An evaluation as one HTML file with its figures, which runs no script and loads nothing. A film shows at most 120 frames,
+ * and images up to 2 MiB in all; the page says how many of its frames are shown.
+ */
+export function evaluationPage(evaluation: Evaluation, film?: Film | null): string;
+
+/** The measures over time of an evaluation that has them, as a table. */
+export function temporalTable(evaluation: Evaluation): Table | null;
 
 /** An evaluation as CSV, one line an object, as `tracklens score --csv` prints it. */
 export function evaluationCsv(evaluation: Evaluation): string;
@@ -886,7 +935,8 @@ export interface Table {
     | "encoders"
     | "agents"
     | "published"
-    | "claims";
+    | "claims"
+    | "temporal";
   caption: string;
   /** What a reader needs to know, in whole sentences; may be empty. */
   note: string;

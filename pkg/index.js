@@ -23,5 +23,6 @@ export * from "./tracklens_extraction.js";
 export * from "./tracklens_images.js";
 export * from "./tracklens_formats.js";
 export * from "./tracklens_onnx.js";
+export * from "./tracklens_temporal.js";
 export * from "./tracklens_figures.js";
 export * from "./tracklens_comparison.js";

@@ -8,8 +8,9 @@ import formats from "./tracklens_formats.js";
 import images from "./tracklens_images.js";
 import onnx from "./tracklens_onnx.js";
 import scoring from "./tracklens_scoring.js";
+import temporal from "./tracklens_temporal.js";
 
-const LOADERS = { scoring, doctor, extraction, images, formats, onnx, figures, comparison };
+const LOADERS = { scoring, doctor, extraction, images, formats, onnx, temporal, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {

@@ -18,6 +18,7 @@ import { load, store } from "./settings.js";
  * @typedef {import("./pkg/index.js").Finding} Finding
  * @typedef {import("./pkg/index.js").Intervals} Intervals
  * @typedef {import("./pkg/index.js").ScoreOptions} ScoreOptions
+ * @typedef {import("./pkg/index.js").TemporalQuality} TemporalQuality
  * @typedef {import("./pkg/index.js").Scoring} Scoring
  *
  * How points are scored. `thresholds` holds those that were edited, by object.
@@ -59,6 +60,11 @@ export class Score extends EventTarget {
   resampling;
   /** 95 % intervals of the evaluation, once they are drawn. @type {Intervals | null} */
   intervals = null;
+  /**
+   * Measures over time that belong to the evaluation, once they were asked for.
+   * @type {TemporalQuality | null}
+   */
+  temporal = null;
   /** Object and joined frame on display. */
   selection = { object: 0, frame: 0 };
 
@@ -152,6 +158,7 @@ export class Score extends EventTarget {
     this.provisional = null;
     this.savedIn = null;
     this.intervals = null;
+    this.temporal = null;
     this.#inputs = null;
     this.#chosen.clear();
   }
@@ -247,10 +254,11 @@ export class Score extends EventTarget {
    */
   completeEvaluation() {
     if (!this.scoring || !this.evaluation) return this.evaluation;
-    const options = { ...this.#scoreOptions(), sequences: true, context: true };
-    const evaluation = this.scoring.evaluate(options);
+    const more = { sequences: true, context: true };
+    const evaluation = this.scoring.evaluate({ ...this.#scoreOptions(), ...more });
     if (this.intervals) evaluation.intervals = this.intervals;
-    const command = this.#commandWith({ sequences: true, context: true });
+    if (this.temporal) evaluation.temporal = this.temporal;
+    const command = this.#commandWith({ ...more, temporal: this.temporal !== null });
     return this.#withFindings({ ...evaluation, ...(command ? { command } : {}) });
   }
 
@@ -263,6 +271,17 @@ export class Score extends EventTarget {
   context() {
     const evaluation = this.scoring?.evaluate({ ...this.#scoreOptions(), context: true });
     return evaluation?.context ?? this.evaluation?.context ?? null;
+  }
+
+  /**
+   * Measures over time of the same frames, which take a while; of a saved evaluation those that it
+   * has.
+   * @param {(options: ScoreOptions) => TemporalQuality | null} measure
+   */
+  measure(measure) {
+    if (!this.scoring) return this.evaluation?.temporal ?? null;
+    this.temporal ??= measure(this.#scoreOptions());
+    return this.temporal;
   }
 
   /** The command of the terminal that repeats the evaluation. */
@@ -508,6 +527,7 @@ export class Score extends EventTarget {
       this.#problems.changed();
     }
     this.intervals = null;
+    this.temporal = null;
     this.#tellAddress();
     this.emit("evaluation");
     void this.#drawIntervals();

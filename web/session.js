@@ -4,7 +4,14 @@
  * `files`, `reading` and `extraction`; those of its score come from the score.
  */
 
-import init, { FrameIndex, KeypointTable, Scoring, examine, joinFrames } from "./pkg/index.js";
+import init, {
+  FrameIndex,
+  KeypointTable,
+  Scoring,
+  examine,
+  joinFrames,
+  temporalQuality,
+} from "./pkg/index.js";
 import { messageOf } from "./errors.js";
 import { commandInputs } from "./files/command.js";
 import { contentOf, entryOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
@@ -860,6 +867,20 @@ export class Session extends EventTarget {
     );
     this.#settleReadings();
     return findings;
+  }
+
+  /**
+   * How good the best keypoints are over time; `null` where there is only a saved evaluation, and it
+   * does not say.
+   */
+  async temporalQuality() {
+    await init(["temporal"]);
+    const { truth, table } = this;
+    return this.score.measure((options) => {
+      if (!truth || !table) return null;
+      const least = this.#leastConfidence(truth, table);
+      return temporalQuality(truth.toObject(), table.toObject(), least, this.alignment, options);
+    });
   }
 
   /** Takes back what was asked about the unit of a table that now has a question of its own. */

@@ -19,6 +19,7 @@ pub(crate) const BOOTSTRAP: &str = "bootstrap";
 pub(crate) const RESAMPLING_SEED: &str = "resampling-seed";
 pub(crate) const SEQUENCES: &str = "sequences";
 pub(crate) const CONTEXT: &str = "context";
+pub(crate) const TEMPORAL: &str = "temporal";
 
 /// Words as one line of a shell, quoted where needed.
 ///

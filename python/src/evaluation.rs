@@ -105,7 +105,7 @@ impl Evaluation {
     }
 
     fn to_html(&self) -> PyResult<String> {
-        evaluation_page(&self.report).map_err(|e| exception(&e))
+        evaluation_page(&self.report, None).map_err(|e| exception(&e))
     }
 
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

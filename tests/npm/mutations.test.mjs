@@ -101,7 +101,7 @@ class Mutator {
     const dice = this.next();
     if (dice < 0.3) return this.odd();
     if (value instanceof Uint8Array) return this.bytes(value);
-    if (ArrayBuffer.isView(value)) return this.numbers(/** @type {Float64Array} */ (value));
+    if (ArrayBuffer.isView(value)) return this.numbers(/** @type {any} */ (value));
     if (typeof value === "number") return this.number(value);
     if (typeof value === "string") return this.text(value);
     if (Array.isArray(value) || value?.constructor === Object) return this.structure(value);
@@ -123,11 +123,13 @@ class Mutator {
     return copy;
   }
 
-  /** @param {Float64Array} numbers */
+  /** @param {Float64Array | BigUint64Array} numbers */
   numbers(numbers) {
     const copy = numbers.slice(0, this.next() < 0.3 ? this.below(numbers.length + 1) : undefined);
     const extremes = [NaN, Infinity, -Infinity, 1e308, -1e308, 1e-320, 0, -1];
-    if (copy.length > 0) copy[this.below(copy.length)] = this.pick(extremes);
+    const whole = [0n, 1n, 2n ** 53n + 1n, 2n ** 64n - 1n];
+    const value = this.pick(copy instanceof BigUint64Array ? whole : extremes);
+    if (copy.length > 0) copy[this.below(copy.length)] = value;
     return copy;
   }
 
@@ -223,6 +225,9 @@ async function calls(t) {
   );
   const makeEncoder = () => new t.Encoder(weights[0], "tiny.safetensors");
   const config = makeEncoder().info.config;
+  const model = await read("onnx/points.onnx");
+  const settings = JSON.stringify(JSON.parse(await readFile(new URL("onnx/expected.json", data), "utf8")).points.settings);
+  const makeDetector = () => new t.Detector(model, "a.onnx", settings);
   const options = {
     ...{ transform: "affine", rank: "reference", thresholds: { cube: 0.1 }, imageSize: [64, 48], folds: 2, bootstrap: 3 },
     ...{ seed: 1, sequences: true, context: true, confidenceLevels: [0.2, 0.5] },
@@ -237,6 +242,10 @@ async function calls(t) {
     ...{ title: "x", xLabel: "frame", yLabel: "x", start: 0, cursor: 1, fromZero: false, fontSize: 12 },
     ...{ foreground: "#000000", background: "#ffffff", grid: "#dddddd" },
     series: [{ label: "a", color: "#ff0000", values: new Float64Array([0, 1, NaN, 0.5]) }],
+  };
+  const film = {
+    ...{ sequence: "0", length: 3, size: [64, 48], frames: [0, 1], images: ["data:image/png;base64,AA==", null] },
+    tracks: [{ object: "cube", keypoint: 0, truth: [[0, 0.5], null], mapped: [[0.1, 0.5], [NaN, 1e308]] }],
   };
   const inputs = { truth: "gt.csv", keypoints: "kp.csv", options: ["--space", "px"] };
   const table = { space: "px", axisOrder: "yx", indexBase: 0, imageSize: [64, 48] };
@@ -302,10 +311,14 @@ async function calls(t) {
     ["Encoder.heatMap", of(makeEncoder, "heatMap"), [frame, "a.png", 1]],
     ["Decoder.open", (...a) => everything(t.Decoder.open(...a))?.reconstruct(new Float64Array(10)), [weights[2], "a.safetensors"]],
     ["Decoder.reconstruct", of(() => t.Decoder.open(weights[0], "a"), "reconstruct"), [new Float64Array(8)]],
+    ["Detector", (...a) => everything(new t.Detector(...a)), [model, "a.onnx", settings]],
+    ["Detector.extract", (...a) => everything(makeDetector().extract(...a)), [frame, "a.png"]],
     ["imageToArray", t.imageToArray, [photo, "a.webp"]],
     ["parseEvaluation", t.parseEvaluation, [json, "e.json"]],
-    ["evaluationPage", t.evaluationPage, [full]],
+    ["evaluationPage", t.evaluationPage, [full, film]],
     ["evaluationCsv", t.evaluationCsv, [full]],
+    ["temporalQuality", t.temporalQuality, [makeTruth().toObject(), makeKeypoints().toObject(), {}, {}, options]],
+    ["temporalTable", t.temporalTable, [{ ...full, temporal: { folds: 2, measures: [{ measure: "lag", objects: [1, null], all: null }] } }]],
     ["Scoring", (...a) => everything(new t.Scoring(...a)).evaluate(), [makeTruth(), makeKeypoints(), "exclude-point", { keypoints: 0.2, truth: 0 }]],
     ["Scoring of odd tables", (a, b) => new t.Scoring(t.GroundTruthTable.parse(a, "a"), t.KeypointTable.parse(b, "b")).evaluate(options), [truth, keypoints]],
     ["Scoring.imagesFrom", of(makeScoring, "imagesFrom"), [makeFrames()]],
@@ -337,8 +350,8 @@ function arrayIn(npz) {
   return npz.slice(start, end);
 }
 
-/** What an error in words never is. */
-const TRAP = /unreachable|out of bounds|null pointer passed|recursive use|panicked|RuntimeError|stack size/;
+/** What an error in words never is; an offset in a file may well be out of bounds. */
+const TRAP = /unreachable|(access|index)( is)? out of bounds|null pointer passed|recursive use|panicked|RuntimeError|stack size/;
 
 /** @param {unknown[]} given */
 function shown(given) {

@@ -218,7 +218,15 @@ test("an evaluation can be asked for more, drawn, written and read again", async
   const newer = new TextEncoder().encode(JSON.stringify({ ...evaluation, schema: "tracklens/evaluation/9" }));
   assert.throws(() => tracklens.parseEvaluation(newer, "e.json"), /e\.json: .*evaluation\/9.*reads up to/);
 
-  assert.match(tracklens.evaluationPage(evaluation), /^<!DOCTYPE html>/);
+  const report = tracklens.evaluationPage(evaluation);
+  assert.match(report, /^<!DOCTYPE html>/);
+  assert.doesNotMatch(report, /film-frame/);
+  const film = {
+    ...{ sequence: "0", length: 3, size: [64, 48], frames: [0, 1], images: ["data:image/png;base64,AA==", null] },
+    tracks: [{ object: "cube", keypoint: 0, truth: [[0, 0.5], null], mapped: [null, [0.1, 0.5]] }],
+  };
+  assert.match(tracklens.evaluationPage(evaluation, film), /class="film-frame"[^]*: 2 of 3 frames/);
+  assert.throws(() => tracklens.evaluationPage(evaluation, { ...film, frames: "all" }), /the film: /);
   assert.match(tracklens.evaluationCsv(evaluation), /^object,tracked,error/);
   const lines = tracklens.evaluationText(evaluation).trimEnd().split("\n");
   assert.equal(lines.length, 3);
@@ -406,6 +414,21 @@ test("what looks wrong with the data is found, with what puts it right", () => {
     assert.deepEqual(error.reason, { type: "otherNumbers", frames: -1000, sequences: 0 });
     return true;
   });
+
+  // The same tables over time: keypoint 0 is where the object is, in the same frame.
+  const measure = (truth, options) => tracklens.temporalQuality(truth.toObject(), keypoints.toObject(), {}, {}, options);
+  const { folds, measures } = measure(truthOf(0));
+  assert.equal(folds, 5);
+  const of = (name) => measures.find(({ measure }) => measure === name).objects[0];
+  assert.equal(of("lag"), 0);
+  assert.ok(of("velocity_correlation") > 0.99);
+  assert.ok(of("held_out_affine") < 1e-3);
+  assert.equal(measure(truthOf(0), { folds: 0 }).folds, 0);
+  assert.throws(() => measure(truthOf(0), { transfrom: "affine" }), /the options of temporalQuality: unknown field/);
+  assert.throws(() => tracklens.temporalQuality({}, {}), /the table: /);
+  const evaluation = new tracklens.Scoring(truthOf(0), keypoints).evaluate();
+  assert.equal(tracklens.temporalTable(evaluation), null);
+  assert.equal(tracklens.temporalTable({ ...evaluation, temporal: { folds, measures } }).rows.length, measures.length);
 });
 
 test("all that a join leaves over is listed by sequence", async () => {
@@ -488,7 +511,7 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, formats, onnx, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, formats, onnx, temporal, figures, comparison/);
 });
 
 test("foreign ONNX models find what ONNX Runtime finds", async () => {
@@ -535,7 +558,7 @@ test("what a browser downloads stays small", async () => {
   // What has to be there before the page can be used, what a score waits for, what workers load,
   // what comes with the first JPEG or WebP image, with the first HDF5 file or pickle, with the first
   // ONNX model, with the first score, and with the first runs.
-  for (const [part, limit] of Object.entries({ scoring: 305_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, onnx: 700_000, figures: 200_000, comparison: 340_000 })) {
+  for (const [part, limit] of Object.entries({ scoring: 305_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, onnx: 700_000, temporal: 150_000, figures: 200_000, comparison: 340_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

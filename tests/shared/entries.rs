@@ -171,7 +171,7 @@ fn run_folder(bytes: &[u8]) {
 fn evaluation(bytes: &[u8]) {
     if let Ok(report) = EvaluationReport::parse(bytes, "evaluation.json") {
         let _ = black_box(evaluation_csv(&report));
-        let _ = black_box(evaluation_page(&report));
+        let _ = black_box(evaluation_page(&report, None));
     }
 }
 

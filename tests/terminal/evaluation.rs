@@ -253,6 +253,31 @@ fn a_report_is_one_file_that_loads_nothing_and_figures_are_svg_and_png() {
 }
 
 #[test]
+fn a_report_of_frames_plays_the_sequence_in_which_most_moves() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../web/example");
+    let path = |name: &str| example.join(name).to_string_lossy().into_owned();
+    let output = Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .current_dir(folder.path())
+        .args(["eval", "--quiet", "--report", "out.html"])
+        .args(["--checkpoint", &path("checkpoint.safetensors")])
+        .args(["--frames", &path("frames")])
+        .args(["--truth", &path("ground_truth.csv")])
+        .output()
+        .expect("the binary runs");
+    assert!(output.status.success());
+    let page = std::fs::read_to_string(folder.path().join("out.html")).expect("a report");
+    // Of each frame of a sequence an image and its marks.
+    let images = page.matches("data:image/jpeg;base64,").count();
+    assert!(images > 0);
+    assert_eq!(page.matches("class=\"film-frame\"").count(), 2 * images);
+    assert!(page.contains(&format!("{images} of {images} frames")));
+    for outside in ["<script", "<link", "src=", "@import", "url("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+#[test]
 fn figures_of_objects_with_similar_names_do_not_overwrite_each_other() {
     let folder = tempfile::tempdir().expect("a folder");
     let (mut truth, mut keypoints) = (

@@ -6,8 +6,8 @@
 
 import { version } from "../pkg/index.js";
 import { baseName } from "../ui/format.js";
-import { decodeImage } from "./image-cache.js";
 import { blobOf } from "./sources.js";
+import { thumbnail } from "./thumbnail.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -33,9 +33,10 @@ const MOST_IMAGES = 4000;
 /**
  * @param {Session} session
  * @param {(done: number, total: number) => void} onProgress
+ * @param {AbortSignal} signal
  * @returns {Promise<Blob>}
  */
-export async function replayOf(session, onProgress) {
+export async function replayOf(session, onProgress, signal) {
   const { score, library, table } = session;
   const truth = library.used("ground-truth");
   const keypoints = library.used("keypoints");
@@ -58,7 +59,7 @@ export async function replayOf(session, onProgress) {
     { path: REPLAY, blob: text },
     { path: baseName(truth.source.path), blob: await blobOf(truth.source) },
     { path: "keypoints.csv", blob: new Blob([table.toCsv()]) },
-    ...(await imagesOf(session, onProgress)),
+    ...(await imagesOf(session, onProgress, signal)),
   ];
   const { zipOf } = await import("./containers/zip-writer.js");
   return zipOf(files);
@@ -78,34 +79,21 @@ function readingOf({ parsed }) {
 /**
  * @param {Session} session
  * @param {(done: number, total: number) => void} onProgress
+ * @param {AbortSignal} signal
  */
-async function imagesOf({ score, frameSources }, onProgress) {
+async function imagesOf({ score, frameSources }, onProgress, signal) {
   const frames = [...score.frameNumbers.keys()];
   const shown = new Set(frames.map((frame) => score.picture(frame)));
   const images = frameSources.filter((source) => shown.has(source));
   if (images.length > MOST_IMAGES) return [];
   const files = [];
   for (const [i, source] of images.entries()) {
+    signal.throwIfAborted();
     onProgress(i, images.length);
-    const blob = await smaller(source).catch(() => null);
+    const blob = await thumbnail(source, SIDE, QUALITY).catch(() => null);
     if (blob) files.push({ path: `${source.path.replace(/\.[^./]*$/, "")}.jpg`, blob });
   }
   return files;
-}
-
-/** @param {Source} source */
-async function smaller(source) {
-  const image = await decodeImage(source);
-  const scale = Math.min(1, SIDE / Math.max(image.width, image.height));
-  const [width, height] = [image.width, image.height].map((side) => Math.round(scale * side));
-  const canvas = new OffscreenCanvas(width, height);
-  const context = canvas.getContext("2d");
-  if (context) {
-    context.imageSmoothingQuality = "high";
-    context.drawImage(image, 0, 0, width, height);
-  }
-  image.close();
-  return canvas.convertToBlob({ type: "image/jpeg", quality: QUALITY });
 }
 
 /**

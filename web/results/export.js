@@ -7,10 +7,12 @@ import init, {
   evaluationTex,
   evaluationText,
 } from "../pkg/index.js";
+import { messageOf } from "../errors.js";
 import { copyButton } from "../ui/copy.js";
 import { h, icon } from "../ui/dom.js";
 import { save } from "../ui/download.js";
-import { integer } from "../ui/format.js";
+import { integer, sentence } from "../ui/format.js";
+import { filmOf } from "../viewer/film.js";
 
 /**
  * @typedef {import("../session.js").Session} Session
@@ -24,16 +26,19 @@ export function exportView(session) {
     /** @type {string} */ label,
     /** @type {() => void} */ onclick,
   ) => h("button", { id, type: "button", class: "button", onclick }, icon("icon-download"), label);
-  const complete = (/** @type {(evaluation: Evaluation) => void} */ write) => async () => {
+  const complete = (/** @type {(evaluation: Evaluation) => unknown} */ write) => async () => {
     await init(["figures"]);
     const evaluation = session.score.completeEvaluation();
-    if (evaluation) write(evaluation);
+    if (evaluation) await write(evaluation);
   };
   const downloads = [
     item(
       "save-report",
       "Report (HTML)",
-      complete((evaluation) => save("report.html", "text/html", evaluationPage(evaluation))),
+      complete(async (evaluation) => {
+        const film = await filmOf(session);
+        save("report.html", "text/html", evaluationPage(evaluation, film));
+      }),
     ),
     item(
       "save-evaluation",
@@ -52,12 +57,14 @@ export function exportView(session) {
         save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
       ),
   ];
+  const video = session.score.scoring && videoButton(session);
   const repeat = repeatView(session);
   const element = h(
     "section",
     { class: "panel taking", "aria-labelledby": "taking-title" },
     h("h3", { id: "taking-title" }, "Export"),
-    h("div", { class: "downloads" }, ...downloads),
+    h("div", { class: "downloads" }, ...downloads, video?.button),
+    video?.problem,
     h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
     paperView(session),
     shareView(session),
@@ -107,11 +114,13 @@ function shareView(session) {
     link.textContent = location.href;
     link.hidden = false;
   });
+  const replay = session.table && replayButton(session);
   return h(
     "div",
     { class: "repeat" },
     h("h4", {}, "Share"),
-    h("div", { class: "downloads" }, copy, session.table && replayButton(session)),
+    h("div", { class: "downloads" }, copy, replay?.button),
+    replay?.problem,
     h(
       "p",
       { class: "hint-line" },
@@ -122,30 +131,74 @@ function shareView(session) {
   );
 }
 
-/** @param {Session} session */
+/**
+ * Everything as one file, made of the settings, the tables and small images.
+ * @param {Session} session
+ */
 function replayButton(session) {
-  const text = h("span", {}, "Everything in one file");
-  const onclick = async () => {
-    const { replayOf } = await import("../files/replay.js");
-    const label = text.textContent;
-    button.disabled = true;
+  return slowDownload(
+    session,
+    "save-replay",
+    "Everything in one file",
+    async (progress, signal) => {
+      const { replayOf } = await import("../files/replay.js");
+      return { name: "tracklens.zip", blob: await replayOf(session, progress, signal) };
+    },
+  );
+}
+
+/**
+ * The sequence on display as a video.
+ * @param {Session} session
+ */
+function videoButton(session) {
+  return slowDownload(session, "save-video", "This sequence (video)", async (progress, signal) => {
+    const { videoOf } = await import("../viewer/save-video.js");
+    return videoOf(session, progress, signal);
+  });
+}
+
+/**
+ * A button that saves what takes a while to make. Meanwhile it says how far that is, and a click
+ * ends it; so do other files.
+ * @param {Session} session
+ * @param {string} id
+ * @param {string} label
+ * @param {(progress: (done: number, total: number) => void, signal: AbortSignal) =>
+ * Promise<{ name: string, blob: Blob }>} make
+ */
+function slowDownload({ score }, id, label, make) {
+  const text = h("span", {}, label);
+  const problem = h("p", { class: "hint-line", role: "alert" });
+  /** @type {AbortController | null} */
+  let work = null;
+  const start = async () => {
+    const mine = new AbortController();
+    work = mine;
+    const { signal } = mine;
+    score.addEventListener("scoring", () => mine.abort(), { signal });
+    problem.textContent = "";
     try {
-      const blob = await replayOf(session, (done, total) => {
-        text.textContent = `Image ${integer(done + 1)} of ${integer(total)}`;
-      });
-      save("tracklens.zip", "application/zip", blob);
+      const { name, blob } = await make((done, total) => {
+        text.textContent = `Frame ${integer(done + 1)} of ${integer(total)}; cancel`;
+      }, signal);
+      save(name, blob.type, blob);
+    } catch (error) {
+      if (!signal.aborted) problem.textContent = sentence(messageOf(error));
     } finally {
+      mine.abort();
+      work = null;
       text.textContent = label;
-      button.disabled = false;
     }
   };
+  const onclick = () => (work ? work.abort() : void start());
   const button = h(
     "button",
-    { id: "save-replay", type: "button", class: "button", onclick: () => void onclick() },
+    { id, type: "button", class: "button", onclick },
     icon("icon-download"),
     text,
   );
-  return button;
+  return { button, problem };
 }
 
 /**

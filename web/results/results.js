@@ -15,6 +15,7 @@ import { objectTable } from "./object-table.js";
 import { SequencesView } from "./sequences.js";
 import { setAvailable } from "../ui/tabs.js";
 import { summaryView, tally, tcText } from "./summary.js";
+import { temporalView } from "./temporal.js";
 import { trajectoriesView } from "../viewer/trajectories.js";
 
 /**
@@ -99,9 +100,10 @@ function partsOf(session) {
   const sequences = new SequencesView(session);
   const trajectories = session.score.scoring ? trajectoriesView(session) : null;
   const confidence = confidenceView(session);
+  const temporal = temporalView(session);
   const context = contextView(session);
   const taking = exportView(session);
-  const tabs = [matrix, trajectories, capability, confidence, sequences, context, taking];
+  const tabs = [matrix, trajectories, capability, confidence, sequences, temporal, context, taking];
   const isThere = (/** @type {View | null} */ view) => view !== null;
   const elements = (/** @type {(View | null)[]} */ ...views) =>
     views.filter(isThere).map(({ element }) => element);
@@ -117,7 +119,7 @@ function partsOf(session) {
       elements(matrix),
       elements(trajectories),
       elements(sequences),
-      elements(capability, confidence, context),
+      elements(capability, confidence, temporal, context),
       elements(taking),
     ],
   };

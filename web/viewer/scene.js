@@ -258,7 +258,7 @@ function paintTrail(context, scale, trail, color) {
  * @param {Mark} mark
  * @param {string} color
  */
-function paintMark(context, scale, { x, y }, mark, color) {
+export function paintMark(context, scale, { x, y }, mark, color) {
   const r = SIZE.mark * scale;
   context.beginPath();
   if (mark === "truth") context.arc(x, y, r, 0, 2 * Math.PI);

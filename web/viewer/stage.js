@@ -3,12 +3,12 @@
 
 import { h } from "../ui/dom.js";
 import { baseName, fixed } from "../ui/format.js";
-import { objectColor } from "../ui/palette.js";
 import { ImageCache } from "../files/image-cache.js";
 import { fit } from "./fit.js";
 import { Gestures } from "./gestures.js";
 import { Inside } from "./inside.js";
 import { paint, placing } from "./scene.js";
+import { tracksOf } from "./tracks.js";
 import { WHOLE } from "./view.js";
 
 /**
@@ -18,8 +18,6 @@ import { WHOLE } from "./view.js";
  * @typedef {{ layers: Set<Layer>, trail: number }} Look `trail`: how many frames back
  */
 
-/** Objects that are drawn at a time. */
-const MOST_TRACKS = 24;
 /** A keypoint is under the pointer from this far on, in CSS pixels. */
 const REACH = 12;
 
@@ -218,23 +216,6 @@ export class Stage {
     this.#canvas.dataset.hovered = next === null ? "" : String(next);
     this.draw();
   }
-}
-
-/**
- * The objects with their keypoints, the selected one over the others. Of very many only those that
- * can be told apart are drawn.
- * @param {Session} session
- * @returns {import("./scene.js").Track[]}
- */
-function tracksOf({ score }) {
-  const { object: selected } = score.selection;
-  const others = [...score.objects.keys()].filter((object) => object !== selected);
-  return [...others.slice(0, MOST_TRACKS - 1), selected].flatMap((object) => {
-    const series = score.series(object);
-    if (!series) return [];
-    const color = objectColor(object);
-    return [{ series, keypoint: score.keypointOf(object), color, isSelected: object === selected }];
-  });
 }
 
 /** @param {Session} session */

@@ -1,6 +1,6 @@
-// In the page before its own script: tells when something is painted, when it can be used and when
-// the first TC is there, of the bundled example or of two tables that are dropped (?tables), and
-// the longest task of the page's own thread until then.
+// In the page before its own script: tells when something is painted, when it can be used, when the
+// first TC is there, of the bundled example or of two tables that are dropped (?tables), how
+// long after the click or the drop its frames move, and the longest task of the page's own thread until the TC.
 const $ = (selector) => document.querySelector(selector);
 const post = (path, body) => fetch(path, { method: "POST", body: JSON.stringify(body ?? {}) });
 
@@ -36,8 +36,15 @@ if (new URLSearchParams(location.search).has("tables")) {
   await post("/mark");
   $("#try-example").click();
 }
+const clicked = performance.now();
 const tc = await scored;
+const shown = $("#stage").dataset.frame;
+const moving = when(() => $("#stage").dataset.frame !== shown);
 // A task is told of once it has ended.
 await new Promise((resolve) => setTimeout(resolve, 200));
+const until = longest;
 const [paint] = performance.getEntriesByName("first-contentful-paint");
-await post("/result", { paint: paint?.startTime, interactive, milliseconds: tc - start, longest });
+await post("/result", {
+  ...{ paint: paint?.startTime, interactive, milliseconds: tc - start, longest: until },
+  moving: (await moving) - clicked,
+});

@@ -20,7 +20,7 @@ use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes
 /// it.
-pub const PARTS: [Part; 8] = [
+pub const PARTS: [Part; 9] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
@@ -56,6 +56,12 @@ pub const PARTS: [Part; 8] = [
         feature: "web-onnx",
         profile: "wasm",
         aim: Aim::Size,
+    },
+    Part {
+        name: "tracklens_temporal",
+        feature: "web-temporal",
+        profile: "wasm",
+        aim: Aim::LeastSize,
     },
     Part {
         name: "tracklens_figures",

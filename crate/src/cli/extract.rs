@@ -147,6 +147,7 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
         &extracted.track,
         &Reading::of_extraction(),
         source.reading.image_size.or(extracted.image_size),
+        Some(&*frames),
     )
 }
 

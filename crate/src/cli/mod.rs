@@ -11,6 +11,7 @@ mod detector;
 mod device;
 mod extract;
 mod files;
+mod film;
 mod hints;
 mod outcome;
 mod painter;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::files::{self, KeypointsReading, Truth, TruthArguments};
+use super::film::film;
 use super::hints::finding_line;
 use super::outcome;
 use super::painter::Painter;
@@ -13,7 +14,7 @@ use super::terminal::own_command;
 use super::values::{parse_finite, parse_html_path};
 use crate::atomic;
 use crate::command_line;
-use crate::data::{Alignment, Camera, Columns, Projected, Reading};
+use crate::data::{Alignment, Camera, Columns, FrameSource, Projected, Reading};
 use crate::error::{Error, Result};
 use crate::evaluation::doctor::{Subject, examine};
 use crate::evaluation::{
@@ -126,7 +127,7 @@ pub(super) struct ScoringArguments {
     context: bool,
     /// Also measure the best keypoints over time: jitter, lag, hand-over, other maps, TAP-Vid's
     /// measures, OKS and PCK
-    #[arg(long)]
+    #[arg(long = command_line::TEMPORAL)]
     temporal: bool,
     /// Exit with 5 when the TC is unknown because there is not enough data
     #[arg(long)]
@@ -176,6 +177,7 @@ pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
         &keypoints.content,
         &keypoints.reading,
         arguments.reading.image_size,
+        None,
     )
 }
 
@@ -219,13 +221,15 @@ impl ScoringArguments {
         })
     }
 
-    /// Scores and prints. `image_size` is the size of the images, where it is known.
+    /// Scores and prints. `image_size` is the size of the images, where it is known; `frames` are
+    /// shown in the report.
     pub fn score(
         &self,
         truth: &Truth,
         keypoints: &KeypointTrack,
         keypoints_reading: &Reading,
         image_size: Option<[u32; 2]>,
+        frames: Option<&dyn FrameSource>,
     ) -> Result<()> {
         let alignment = Alignment {
             frames: self.shift_frames,
@@ -263,7 +267,11 @@ impl ScoringArguments {
         });
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {
-            atomic::write(path, evaluation_page(&report)?.as_bytes())?;
+            let film = match frames {
+                Some(frames) => film(&scoring, &report, &request.settings, frames)?,
+                None => None,
+            };
+            atomic::write(path, evaluation_page(&report, film.as_ref())?.as_bytes())?;
             eprintln!("report written to {}", path.display());
         }
         if let Some(folder) = &self.figures {

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+#[cfg(feature = "jpeg-webp")]
+use ::image::codecs::jpeg::JpegEncoder;
 use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder as _};
 
@@ -126,6 +128,37 @@ impl Frame {
             )
             .map_err(|e| Error::input(format!("no PNG image can be made of the frame: {e}")))?;
         Ok(png)
+    }
+
+    /// The frame as a JPEG image of `quality` 1 to 100, shrunk so that no side is longer than
+    /// `longest`.
+    ///
+    /// # Errors
+    /// When the encoder fails, which it does not on a whole frame.
+    #[cfg(feature = "jpeg-webp")]
+    pub fn to_jpeg(&self, longest: u32, quality: u8) -> Result<Vec<u8>> {
+        let scale = f64::from(longest) / f64::from(self.width.max(self.height));
+        let side = |side: u32| match scale < 1.0 {
+            true => (f64::from(side) * scale).round().max(1.0) as usize,
+            false => side as usize,
+        };
+        let size = [side(self.width), side(self.height)];
+        let planar = self.to_planar(Some(size), Filter::BilinearAntialias);
+        let pixels = size[0] * size[1];
+        let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let rgb: Vec<u8> = (0..3 * pixels)
+            .map(|i| byte(planar[i % 3 * pixels + i / 3]))
+            .collect();
+        let mut jpeg = Vec::new();
+        JpegEncoder::new_with_quality(&mut jpeg, quality)
+            .write_image(
+                &rgb,
+                size[0] as u32,
+                size[1] as u32,
+                ExtendedColorType::Rgb8,
+            )
+            .map_err(|e| Error::input(format!("no JPEG image can be made of the frame: {e}")))?;
+        Ok(jpeg)
     }
 
     /// The frame as a numpy array (`.npy`, `[H, W, 3]`, unsigned bytes), see [`Frame::rgb`];

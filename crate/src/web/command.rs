@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 use crate::command_line::{
     BOOTSTRAP, CONTEXT, FOLDS, IMAGE_SIZE, KEYPOINTS, MIN_CONFIDENCE, NON_FINITE, RANK,
-    RESAMPLING_SEED, SEQUENCES, SHIFT_FRAMES, SHIFT_SEQUENCES, THRESHOLD, TRANSFORM, TRUTH,
-    TRUTH_MIN_CONFIDENCE, shell_line,
+    RESAMPLING_SEED, SEQUENCES, SHIFT_FRAMES, SHIFT_SEQUENCES, TEMPORAL, THRESHOLD, TRANSFORM,
+    TRUTH, TRUTH_MIN_CONFIDENCE, shell_line,
 };
 use crate::data::Alignment;
 use crate::error::Result;
@@ -101,7 +101,12 @@ pub(super) fn command(
     if request.seed != 0 && (folds.is_some() || request.bootstrap.is_some()) {
         words.extend(option(RESAMPLING_SEED, &request.seed.to_string()));
     }
-    for (asked, name) in [(request.sequences, SEQUENCES), (request.context, CONTEXT)] {
+    let more = [
+        (request.sequences, SEQUENCES),
+        (request.context, CONTEXT),
+        (request.temporal, TEMPORAL),
+    ];
+    for (asked, name) in more {
         if asked {
             words.push(format!("--{name}"));
         }

@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::Theme;
 use crate::report::evaluation::{
-    capability, confidence, evaluation_csv, evaluation_page, evaluation_tex, evaluation_text,
-    matrix, sequences,
+    Film, capability, confidence, evaluation_csv, evaluation_page, evaluation_tex, evaluation_text,
+    matrix, sequences, temporal,
 };
 
 fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
@@ -16,13 +16,26 @@ fn evaluation_from_js(evaluation: JsValue) -> JsResult<EvaluationReport> {
         .map_err(|e| js_error(&Error::input(format!("the evaluation: {e}"))))
 }
 
-/// An evaluation as one HTML file.
+/// An evaluation as one HTML file, with a film ([`Film`]) or without.
+///
+/// # Errors
+/// When the evaluation or the film is not understood.
+#[wasm_bindgen(js_name = evaluationPage)]
+pub fn evaluation_page_of(evaluation: JsValue, film: JsValue) -> JsResult<String> {
+    let film: Option<Film> = serde_wasm_bindgen::from_value(film)
+        .map_err(|e| js_error(&Error::input(format!("the film: {e}"))))?;
+    evaluation_page(&evaluation_from_js(evaluation)?, film.as_ref()).map_err(|e| js_error(&e))
+}
+
+/// The measures over time of an evaluation that has them, as a table.
 ///
 /// # Errors
 /// When the evaluation is not understood.
-#[wasm_bindgen(js_name = evaluationPage)]
-pub fn evaluation_page_of(evaluation: JsValue) -> JsResult<String> {
-    evaluation_page(&evaluation_from_js(evaluation)?).map_err(|e| js_error(&e))
+#[wasm_bindgen(js_name = temporalTable)]
+pub fn temporal_table_of(evaluation: JsValue) -> JsResult<JsValue> {
+    let evaluation = evaluation_from_js(evaluation)?;
+    let measures = evaluation.temporal.as_ref();
+    to_js(&measures.map(|measures| temporal(&evaluation, measures)))
 }
 
 /// An evaluation as CSV, one line an object.

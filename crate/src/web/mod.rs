@@ -3,7 +3,7 @@
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
 //! scoring first, the doctor with the first ground truth, extraction in the workers, images with the
 //! first JPEG or WebP image, formats with the first HDF5 file or pickle, detectors with the first ONNX
-//! model, figures once there is something to draw, comparison with the first runs, extraction on the
+//! model, measures over time when they are looked at, figures once there is something to draw, comparison with the first runs, extraction on the
 //! GPU where there is one. Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-scoring")]
@@ -36,23 +36,40 @@ mod gpu;
 mod images;
 #[cfg(feature = "web-scoring")]
 mod join;
-#[cfg(any(feature = "web-scoring", feature = "web-doctor"))]
+#[cfg(any(
+    feature = "web-scoring",
+    feature = "web-doctor",
+    feature = "web-temporal"
+))]
 mod matching;
-#[cfg(any(feature = "web-scoring", feature = "web-doctor"))]
+#[cfg(any(
+    feature = "web-scoring",
+    feature = "web-doctor",
+    feature = "web-temporal"
+))]
 mod object;
 #[cfg(any(
     feature = "web-scoring",
     feature = "web-doctor",
+    feature = "web-temporal",
     feature = "web-comparison"
 ))]
 mod options;
+#[cfg(any(feature = "web-scoring", feature = "web-temporal"))]
+mod request;
 #[cfg(feature = "web-scoring")]
 mod runs;
 #[cfg(feature = "web-scoring")]
 mod scoring;
 #[cfg(feature = "web-scoring")]
 mod tables;
-#[cfg(any(feature = "web-scoring", feature = "web-comparison"))]
+#[cfg(feature = "web-temporal")]
+mod temporal;
+#[cfg(any(
+    feature = "web-scoring",
+    feature = "web-temporal",
+    feature = "web-comparison"
+))]
 mod thresholds;
 
 use js_sys::{Error as JsError, Reflect};

@@ -83,7 +83,7 @@ pub(super) mod write {
     }
 }
 
-#[cfg(feature = "web-doctor")]
+#[cfg(any(feature = "web-doctor", feature = "web-temporal"))]
 pub(super) mod read {
     use ndarray::{Array2, Array3};
 

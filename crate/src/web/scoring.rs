@@ -1,10 +1,10 @@
 //! Scoring in JavaScript.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use js_sys::{Float64Array, Object, Reflect};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use wasm_bindgen::prelude::*;
 
 use super::command::{Inputs, command};
@@ -12,13 +12,13 @@ use super::frames::FrameIndex;
 use super::join::Joined;
 use super::matching;
 use super::options::from_js;
+use super::request::request;
 use super::tables::{GroundTruthTable, KeypointTable};
-use super::thresholds::thresholds;
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
-use crate::evaluation::{self, IntervalsReport, Matching, MinConfidence, Request};
-use crate::metric::{self, Moments, NonFinite, Rank, Settings, Transform};
+use crate::evaluation::{self, IntervalsReport, Matching, MinConfidence};
+use crate::metric::{self, Moments, NonFinite};
 use crate::track::FrameKey;
 
 /// Ground truth and keypoints, joined.
@@ -29,62 +29,6 @@ pub struct Scoring {
     policy: NonFinite,
     least: MinConfidence,
     alignment: data::Alignment,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-struct ScoreOptions {
-    transform: Option<String>,
-    rank: Option<String>,
-    thresholds: BTreeMap<String, f64>,
-    image_size: Option<[u32; 2]>,
-    folds: Option<usize>,
-    bootstrap: Option<usize>,
-    seed: u64,
-    sequences: bool,
-    context: bool,
-    confidence_levels: Vec<f64>,
-}
-
-impl ScoreOptions {
-    fn request(value: JsValue, call: &str) -> JsResult<Request> {
-        let keys = [
-            "transform",
-            "rank",
-            "thresholds",
-            "imageSize",
-            "folds",
-            "bootstrap",
-            "seed",
-            "sequences",
-            "context",
-            "confidenceLevels",
-        ];
-        let options: Self = from_js(value, &format!("the options of {call}"), &keys)?;
-        let transform = options
-            .transform
-            .as_deref()
-            .map(str::parse::<Transform>)
-            .transpose();
-        let thresholds = thresholds(options.thresholds);
-        let rank = options.rank.as_deref().map(str::parse::<Rank>).transpose();
-        Ok(Request {
-            settings: Settings {
-                transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
-                rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
-                ..Settings::default()
-            },
-            thresholds: thresholds.map_err(|e| js_error(&e))?,
-            image_size: options.image_size,
-            folds: options.folds,
-            bootstrap: options.bootstrap,
-            seed: options.seed,
-            sequences: options.sequences,
-            context: options.context,
-            temporal: false,
-            confidence_levels: options.confidence_levels,
-        })
-    }
 }
 
 #[derive(Serialize)]
@@ -236,7 +180,7 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood.
     pub fn evaluate(&self, options: JsValue) -> JsResult<JsValue> {
-        let request = ScoreOptions::request(options, "evaluate")?;
+        let request = request(options, "evaluate")?;
         let report = request.evaluate(&self.scoring, &self.join.report);
         to_js(&report.map_err(|e| js_error(&e))?)
     }
@@ -246,7 +190,7 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood.
     pub fn bootstrap(&self, options: JsValue) -> JsResult<Bootstrap> {
-        let request = ScoreOptions::request(options, "bootstrap")?;
+        let request = request(options, "bootstrap")?;
         let started =
             self.scoring
                 .start_bootstrap(request.seed, &request.thresholds, &request.settings);
@@ -270,7 +214,7 @@ impl Scoring {
         keypoint: usize,
         options: JsValue,
     ) -> JsResult<JsValue> {
-        let settings = ScoreOptions::request(options, "sequenceErrors")?.settings;
+        let settings = request(options, "sequenceErrors")?.settings;
         let errors = self.scoring.sequence_errors(object, keypoint, &settings);
         let errors: Vec<SequenceError> = errors
             .map_err(|e| js_error(&e))?
@@ -299,7 +243,7 @@ impl Scoring {
         keypoint: usize,
         options: JsValue,
     ) -> JsResult<Vec<f64>> {
-        let settings = ScoreOptions::request(options, "distances")?.settings;
+        let settings = request(options, "distances")?.settings;
         let distances = self.scoring.distances(object, keypoint, &settings);
         distances.map_err(|e| js_error(&e))
     }
@@ -309,7 +253,7 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood, or a name cannot be written in a shell.
     pub fn command(&self, inputs: JsValue, options: JsValue) -> JsResult<String> {
-        let request = ScoreOptions::request(options, "command")?;
+        let request = request(options, "command")?;
         let inputs: Inputs = from_js(inputs, "the inputs of command", &Inputs::KEYS)?;
         command(&request, &inputs, self.policy, self.least, self.alignment)
             .map_err(|e| js_error(&e))
@@ -335,7 +279,7 @@ impl Scoring {
     /// # Errors
     /// When there is no such object or keypoint.
     pub fn series(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
-        let settings = ScoreOptions::request(options, "series")?.settings;
+        let settings = request(options, "series")?.settings;
         let series = self
             .scoring
             .series(object, keypoint, &settings)

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
-use tracklens_page_tests::{Browser, Page, eval_example, example, in_every_browser, parsed};
+use tracklens_page_tests::{
+    Browser, Page, eval_example, example, in_every_browser, parsed, text, tracklens_json,
+};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -30,6 +32,9 @@ in_every_browser! {
     tabs_are_moved_through_by_keys
     a_table_with_other_columns_is_mapped
     detectors_are_rows_and_play_in_step
+    temporal_quality_is_that_of_the_terminal
+    a_sequence_is_saved_as_a_video
+    a_report_plays_the_sequence
 }
 
 async fn scored(browser: Browser) -> Page {
@@ -645,6 +650,110 @@ async fn a_score_is_saved_as_one_file_that_drops_back_in() {
             .await,
         "scale-translate"
     );
+    page.close().await;
+}
+
+/// The measures over time, computed when they are opened, and what is saved then.
+async fn temporal_quality_is_that_of_the_terminal(browser: Browser) {
+    let tables = Tables::new(3, 40, 2, 4);
+    let page = tables.open(browser).await;
+    page.reveal("#temporal").await;
+    page.value("document.querySelector('#temporal > summary').click()")
+        .await;
+    page.until("document.querySelectorAll('#temporal-table tbody tr').length === 14")
+        .await;
+    let saved = parsed(&page.saved("#save-evaluation").await);
+    let [truth, keypoints] = ["truth.csv", "keypoints.csv"].map(|name| tables.path(name));
+    let expected = tracklens_json(&[
+        "score",
+        "--temporal",
+        "--truth",
+        &text(&truth),
+        "--keypoints",
+        &text(&keypoints),
+    ]);
+    let command = saved["command"].as_str().expect("a command");
+    assert!(command.contains("--temporal"), "{command}");
+    let numbers = |evaluation: &Value| -> Vec<(String, Option<f64>)> {
+        let measures = evaluation["temporal"]["measures"]
+            .as_array()
+            .expect("measures");
+        let of = |row: &Value| {
+            let name = row["measure"].as_str().unwrap_or_default().to_owned();
+            let values = row["objects"].as_array().expect("objects").clone();
+            let values = values.into_iter().chain([row["all"].clone()]);
+            values
+                .map(|value| (name.clone(), value.as_f64()))
+                .collect::<Vec<_>>()
+        };
+        measures.iter().flat_map(of).collect()
+    };
+    let (shown, expected) = (numbers(&saved), numbers(&expected));
+    assert_eq!(shown.len(), expected.len());
+    for ((name, shown), (_, expected)) in shown.iter().zip(&expected) {
+        // The same code, whose sines and roots another compiler rounds.
+        let differ = match (shown, expected) {
+            (Some(a), Some(b)) => (a - b).abs() > 1e-12 * b.abs().max(1.0),
+            (a, b) => a != b,
+        };
+        assert!(!differ, "{name}: {shown:?} for {expected:?}");
+    }
+    page.close().await;
+}
+
+/// The sequence on display is saved as a video, which the page itself reads again.
+async fn a_sequence_is_saved_as_a_video(browser: Browser) {
+    let page = scored(browser).await;
+    page.hold().await;
+    let before = page.number("globalThis.__made").await;
+    page.click("#save-video").await;
+    page.until(&format!("globalThis.__made > {before}")).await;
+    let kind = page.value("globalThis.__last.type").await;
+    let kind = kind.as_str().unwrap_or_default();
+    assert!(["video/mp4", "video/webm"].contains(&kind), "{kind}");
+    let frames = page.number("document.querySelector('#scrubber').max").await;
+    page.value(
+        "(() => { const video = globalThis.__last; document.querySelector('#start-over').click(); \
+         const transfer = new DataTransfer(); transfer.items.add(new File([video], 'saved.mp4')); \
+         const input = document.querySelector('#input-files'); input.files = transfer.files; \
+         input.dispatchEvent(new Event('change')); })(), true",
+    )
+    .await;
+    let count = "document.querySelector('#files [data-role=image]')?.dataset.frames";
+    page.until(&format!("{count} === '{}'", frames + 1.0)).await;
+    page.until("document.querySelector('#stage').dataset.picture?.startsWith('saved/')")
+        .await;
+    page.close().await;
+}
+
+/// A report plays the sequence on display, without a script.
+async fn a_report_plays_the_sequence(browser: Browser) {
+    let page = scored(browser).await;
+    page.hold().await;
+    let frames = page.number("document.querySelector('#scrubber').max").await + 1.0;
+    let report = page.saved("#save-report").await;
+    let report = String::from_utf8(report).expect("text");
+    assert!(!report.contains("<script"));
+    assert_eq!(
+        report.matches("data:image/jpeg;base64,").count() as f64,
+        frames
+    );
+    // One image is visible at any time, and others later.
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("report.html");
+    fs::write(&file, report).expect("written");
+    let address = format!("file://{}", file.display());
+    page.driver.goto(&address).await.expect("the report");
+    let visible = "[...document.querySelectorAll('.film-frame:has(image)')].map((part, i) => \
+                   getComputedStyle(part).visibility === 'visible' ? i : -1).filter((i) => i >= 0)";
+    page.until(&format!("{visible}.length > 0")).await;
+    let first = page.value(&format!("{visible}.join()")).await;
+    page.until(&format!(
+        "{visible}.join() !== '{}'",
+        first.as_str().unwrap_or_default()
+    ))
+    .await;
+    page.goto("/").await;
     page.close().await;
 }
 

@@ -7,11 +7,11 @@
 import { messageOf } from "../../errors.js";
 import { count } from "../../ui/format.js";
 import { blobOf } from "../sources.js";
+import { mediabunny } from "./mediabunny.js";
 import { arrayOfPixels } from "./npy.js";
 
 /** @typedef {import("../sources.js").Source} Source */
 
-const LIBRARY = new URL("../../vendor/mediabunny.js", import.meta.url);
 const MOST_FRAMES = 200_000;
 /** Frames that are kept as they were decoded, since neighbours are asked for together. */
 const KEPT = 8;
@@ -32,7 +32,7 @@ export async function openVideo(source) {
         "VIDEO frames/%06d.png",
     );
   }
-  const library = await import(LIBRARY.href).catch(() => null);
+  const library = await mediabunny();
   if (!library)
     throw new Error(
       `${path} cannot be opened: the page's reader of videos could not be fetched; try again`,

@@ -49,6 +49,12 @@ figure .plate:not(.white) svg [fill=\"#222222\"] { fill: var(--ink); }
 figure .plate:not(.white) svg [stroke=\"#222222\"] { stroke: var(--ink); }
 figure .plate:not(.white) svg [stroke=\"#DEDEDE\"] { stroke: var(--line); }
 figure .plate:not(.white) svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var(--plate); }
+#film { max-width: 34rem; }
+#film .plate { border-radius: 8px; overflow: hidden; }
+#film .plate::before { content: none; }
+#film .plate svg { min-width: 0; width: 100%; }
+.film-objects { display: flex; flex-wrap: wrap; gap: .25rem 1.25rem; margin: .5rem 0; color: var(--ink); }
+.film-objects .swatch { display: inline-block; width: .7rem; min-width: 0; }
 @media print {
   :root { --ink: #000; --soft: #444; --plate: #fff; --line: #ccc; --good: #00734f; --bad: #a8430a; --warn: #eee; }
   body { max-width: none; padding: 0; } figure, tr { break-inside: avoid; } figure svg { min-width: 0; }

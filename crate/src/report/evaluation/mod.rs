@@ -2,6 +2,7 @@
 
 mod capability;
 mod confidence;
+mod film;
 mod matrix;
 mod page;
 mod sequences;
@@ -14,6 +15,7 @@ use crate::evaluation::EvaluationReport;
 
 pub use capability::capability;
 pub use confidence::confidence;
+pub use film::{Film, FilmTrack};
 pub use matrix::matrix;
 pub use page::{evaluation_page, evaluation_part};
 pub use sequences::sequences;

@@ -1,26 +1,28 @@
-//! An evaluation as one HTML file: figures and style are in it, it runs no script and loads
+//! An evaluation as one HTML file: figures, images and style are in it, it runs no script and loads
 //! nothing.
 
 use maud::{Markup, html};
 
 use super::evaluation_figures;
+use super::film::Film;
 use super::tables::{assignment, maps, objects, regression, temporal, worst_sequences};
 use super::words::protocol;
 use crate::error::Result;
 use crate::evaluation::EvaluationReport;
 use crate::report::draw::{document, figure, part};
 
-/// The page of an evaluation.
+/// The page of an evaluation, with a sequence that plays in it where there is one.
 ///
 /// # Errors
 /// When a figure cannot be drawn.
-pub fn evaluation_page(report: &EvaluationReport) -> Result<String> {
+pub fn evaluation_page(report: &EvaluationReport, film: Option<&Film>) -> Result<String> {
     let figures = evaluation_figures(report)?;
     let body = html! {
         p { (report.frames) " frames, " (report.objects.len()) " objects, " (keypoints(report)) " keypoints; tracklens "
             (report.version) }
         (summary(report))
         p { (protocol(report)) }
+        @if let Some(film) = film { (film.to_html()) }
         @for one in &figures { (figure(one, true)) }
         @if report.transform != "identity" { h2 { "Fitted maps" } (maps(report).to_html()) }
         @if let Some(sequences) = &report.sequences {

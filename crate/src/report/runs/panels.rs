@@ -2,8 +2,10 @@
 //!
 //! Colours are those of Okabe and Ito, which people with any kind of colour vision tell apart.
 
-use plotters::backend::SVGBackend;
+use plotters::backend::{DrawingBackend, SVGBackend};
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::Ranged;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
 use plotters::element::Rectangle;
 use plotters::style::{IntoFont, RGBColor, ShapeStyle, TextStyle};
@@ -21,7 +23,7 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(90, 90, 90),
 ];
 pub(super) const INK: RGBColor = RGBColor(34, 34, 34);
-pub(super) const GRID: RGBColor = RGBColor(222, 222, 222);
+const GRID: RGBColor = RGBColor(222, 222, 222);
 pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// Values below this are drawn here on logarithmic axes.
@@ -53,6 +55,16 @@ pub(super) fn text<'a>() -> TextStyle<'a> {
     TextStyle::from(("sans-serif", EM).into_font()).color(&INK)
 }
 
+/// The grid, the axes and the text of every chart.
+pub(super) fn plain<'m, 'a, 'b, X: Ranged, Y: Ranged, DB: DrawingBackend>(
+    mesh: &'m mut MeshStyle<'a, 'b, X, Y, DB>,
+) -> &'m mut MeshStyle<'a, 'b, X, Y, DB> {
+    mesh.bold_line_style(GRID)
+        .max_light_lines(0)
+        .axis_style(INK)
+        .label_style(text())
+}
+
 /// Draws on `count` panels side by side, below a legend that takes as many rows as it needs.
 pub(super) fn panels(
     count: usize,
@@ -64,7 +76,10 @@ pub(super) fn panels(
     let widest = legend.iter().map(|entry| entry_width(entry) + SPACE).max();
     let across = (width * count.max(1) as u32).max(widest.unwrap_or(0) as u32);
     let rows = legend_rows(legend, across as i32);
-    let above = LEGEND + LEGEND_ROW * (rows.len().max(1) as u32 - 1);
+    let above = match rows.len() as u32 {
+        0 => 0,
+        rows => LEGEND + LEGEND_ROW * (rows - 1),
+    };
     let mut svg = String::new();
     let mut drawn = || -> Done {
         let size = (across, height + above);

@@ -15,7 +15,7 @@ use super::agents::agents_figures;
 use super::draws::SMOOTHING;
 use super::group::{Group, Runs};
 use super::panels::{
-    Area, Backend, Done, EM, FLOOR, GRID, INK, MARGIN, PANEL, color, panels, text,
+    Area, Backend, Done, EM, FLOOR, INK, MARGIN, PANEL, color, panels, plain, text,
 };
 use super::run::Run;
 use super::statistics::{GroupReport, RunsReport};
@@ -89,12 +89,7 @@ fn curves(runs: &Runs, group: &Group, place: usize, name: String) -> Result<Figu
             let epochs = all[k].iter().map(Vec::len).max().unwrap_or(1).max(2);
             let axis = log_axis(all[k].iter().flatten().copied().chain([*threshold]));
             let mut chart = log_chart(panel, name, 1.0..epochs as f64, axis)?;
-            chart
-                .configure_mesh()
-                .bold_line_style(GRID)
-                .max_light_lines(0)
-                .axis_style(INK)
-                .label_style(text())
+            plain(&mut chart.configure_mesh())
                 .x_labels(6)
                 .y_labels(6)
                 .x_desc("epoch")
@@ -144,13 +139,8 @@ fn boxes(runs: &Runs, report: &RunsReport) -> Result<Figure> {
             let axis = log_axis(errors.iter().flatten().copied().chain([*threshold]));
             let end = groups.len() as f64;
             let mut chart = log_chart(panel, name, 0.0..end, axis)?;
-            chart
-                .configure_mesh()
+            plain(&mut chart.configure_mesh())
                 .disable_x_mesh()
-                .bold_line_style(GRID)
-                .max_light_lines(0)
-                .axis_style(INK)
-                .label_style(text())
                 .x_labels(0)
                 .y_labels(6)
                 .y_desc(if k == 0 { "tracking error" } else { "" })
@@ -250,13 +240,8 @@ fn capabilities(report: &RunsReport) -> Result<Figure> {
             .x_label_area_size(5 * EM)
             .y_label_area_size(4 * EM)
             .build_cartesian_2d(0.0..end, 0.0..objects.len().max(1) as f64)?;
-        chart
-            .configure_mesh()
+        plain(&mut chart.configure_mesh())
             .disable_x_mesh()
-            .bold_line_style(GRID)
-            .max_light_lines(0)
-            .axis_style(INK)
-            .label_style(text())
             .x_labels(0)
             .y_labels(objects.len() + 1)
             .y_desc("sum of mean TC")
@@ -324,12 +309,7 @@ fn profiles(runs: &Runs, report: &RunsReport) -> Result<Figure> {
                 .x_label_area_size(3 * EM)
                 .y_label_area_size(4 * EM)
                 .build_cartesian_2d(axis, 0.0..1.02)?;
-            chart
-                .configure_mesh()
-                .bold_line_style(GRID)
-                .max_light_lines(0)
-                .axis_style(INK)
-                .label_style(text())
+            plain(&mut chart.configure_mesh())
                 .x_labels(5)
                 .y_labels(5)
                 .x_desc("tau")
@@ -398,12 +378,7 @@ fn reconstruction(runs: &Runs) -> Result<Figure> {
             .unwrap_or(1)
             .max(2);
         let mut chart = log_chart(panel, "", 1.0..epochs as f64, log_axis(values))?;
-        chart
-            .configure_mesh()
-            .bold_line_style(GRID)
-            .max_light_lines(0)
-            .axis_style(INK)
-            .label_style(text())
+        plain(&mut chart.configure_mesh())
             .x_labels(8)
             .y_labels(6)
             .x_desc("epoch")

@@ -15,13 +15,14 @@ use super::statistics::{AgentGroupReport, AgentsReport, EncoderReport};
 use crate::error::Result;
 use crate::report::draw::{Decades, Figure, fitted, tick, width_of};
 use crate::report::runs::panels::{
-    Area, Backend, Done, EM, FLOOR, GRID, INK, MARGIN, PANEL, color, panels, text,
+    Area, Backend, Done, EM, FLOOR, INK, MARGIN, PANEL, color, panels, plain, text,
 };
 
 /// Ends of an axis of shares, so that lines at 0 and 1 are seen whole.
 const SHARES: std::ops::Range<f64> = -0.02..1.02;
-/// Width of a panel of curves.
+/// Width of a panel of curves, and of one that stands alone.
 const CURVES: u32 = 440;
+const ALONE: u32 = 600;
 /// Height of a row of the success at the end.
 const ROW: u32 = 26;
 /// The longest name of a group beside its row, in pixels.
@@ -87,7 +88,8 @@ fn over_steps(agents: &AgentsReport, task: Option<&str>, name: String) -> Result
         .max()
         .unwrap_or(1)
         .max(1) as f64;
-    let svg = panels(states.len(), CURVES, PANEL[1] + 30, &legend, |k, panel| {
+    let width = if states.len() > 1 { CURVES } else { ALONE };
+    let svg = panels(states.len(), width, PANEL[1] + 30, &legend, |k, panel| {
         let (with_robot, title) = states[k];
         let title = if states.len() > 1 { title } else { "" };
         let mut chart = chart(panel, title, 0.0..last, 4)?;
@@ -95,7 +97,7 @@ fn over_steps(agents: &AgentsReport, task: Option<&str>, name: String) -> Result
             &mut chart,
             "steps",
             if k == 0 { "success" } else { "" },
-            &|x| steps(*x),
+            &|x| steps(*x, last),
         )?;
         let mine = || shown().filter(|(_, group)| belongs(group, with_robot));
         for (i, group) in mine() {
@@ -156,17 +158,13 @@ fn at_the_end(agents: &AgentsReport) -> Result<Figure> {
     let svg = panels(1, 460 + widest as u32, height, &[], |_, panel| {
         let end = rows.len() as f64;
         let mut chart = ChartBuilder::on(panel)
+            .margin_top(EM)
             .margin_right(2 * EM)
             .x_label_area_size(3 * EM)
             .y_label_area_size(widest + 2 * EM)
             .build_cartesian_2d(SHARES, 0.0..end)?;
-        chart
-            .configure_mesh()
+        plain(&mut chart.configure_mesh())
             .disable_y_mesh()
-            .bold_line_style(GRID)
-            .max_light_lines(0)
-            .axis_style(INK)
-            .label_style(text())
             .x_labels(6)
             .y_labels(0)
             .x_desc("success at the end")
@@ -342,12 +340,7 @@ fn grid<X: Ranged<ValueType = f64> + ValueFormatter<f64>>(
     y: &str,
     written: &dyn Fn(&f64) -> String,
 ) -> Done {
-    chart
-        .configure_mesh()
-        .bold_line_style(GRID)
-        .max_light_lines(0)
-        .axis_style(INK)
-        .label_style(text())
+    plain(&mut chart.configure_mesh())
         .x_labels(6)
         .y_labels(6)
         .x_desc(x)
@@ -357,11 +350,12 @@ fn grid<X: Ranged<ValueType = f64> + ValueFormatter<f64>>(
         .draw()
 }
 
-/// `2500`, `10k`, `1.5M`.
-fn steps(count: f64) -> String {
-    match count {
-        count if count >= 1e6 => format!("{}M", count / 1e6),
-        count if count >= 1e4 => format!("{}k", count / 1e3),
-        count => format!("{count}"),
+/// Steps on an axis that ends at `last`, in one unit: `2500`, `2.5k` up to `10k`, `0.5M` up to `1M`.
+fn steps(count: f64, last: f64) -> String {
+    match last {
+        _ if count == 0.0 => "0".to_owned(),
+        last if last >= 1e6 => format!("{}M", count / 1e6),
+        last if last >= 1e4 => format!("{}k", count / 1e3),
+        _ => format!("{count}"),
     }
 }
