@@ -54,7 +54,7 @@ figure .plate:not(.white) svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var
 #film .plate::before { content: none; }
 #film .plate svg { min-width: 0; width: 100%; }
 .film-objects { display: flex; flex-wrap: wrap; gap: .25rem 1.25rem; margin: .5rem 0; color: var(--ink); }
-.film-objects .swatch { display: inline-block; width: .7rem; min-width: 0; }
+.film-objects i { display: inline-block; width: .7rem; height: .7rem; margin-right: .4rem; border-radius: 50%; }
 @media print {
   :root { --ink: #000; --soft: #444; --plate: #fff; --line: #ccc; --good: #00734f; --bad: #a8430a; --warn: #eee; }
   body { max-width: none; padding: 0; } figure, tr { break-inside: avoid; } figure svg { min-width: 0; }

@@ -138,7 +138,10 @@ impl Film {
                 div.plate { (PreEscaped(self.svg(count))) }
                 p.film-objects {
                     @for (track, color) in self.tracks.iter().zip(COLORS) {
-                        span { (swatch(color)) " " (track.object) ", keypoint " (track.keypoint) }
+                        span {
+                            i style=(format!("background:{color}")) {}
+                            (track.object) ", keypoint " (track.keypoint)
+                        }
                     }
                 }
                 figcaption {
@@ -270,12 +273,6 @@ fn marks() -> Markup {
             circle r=(MARK) stroke="currentColor" stroke-width="2.5" {}
         }
         path #film-mapped d=(diamond) fill="currentColor" stroke="#0b0d0f" stroke-width="1.5" {}
-    }
-}
-
-fn swatch(color: &str) -> Markup {
-    html! {
-        svg.swatch viewBox="0 0 10 10" aria-hidden="true" { circle cx="5" cy="5" r="5" fill=(color) {} }
     }
 }
 
