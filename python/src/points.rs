@@ -42,7 +42,7 @@ impl<'py> Sequences<'py> {
         })
     }
 
-    /// T x N x 2 of every sequence.
+    /// T x N x 2 of every sequence, or T x N x 3.
     pub fn points(&self) -> PyResult<Vec<ArrayView3<'_, f64>>> {
         self.views::<Ix3>()
     }

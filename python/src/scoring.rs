@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 
 use pyo3::prelude::*;
 use tracklens::data::{
-    Alignment, AxisOrder, Flip, Notice, Parsed, PointSequences, Space, TableOptions,
+    Alignment, AxisOrder, Camera, Flip, Notice, Parsed, PointSequences, Space, TableOptions,
 };
 use tracklens::error::{Error, Result};
-use tracklens::evaluation::doctor::{Subject, examine};
 use tracklens::evaluation::{
-    EvaluationReport, JoinReport, Matching, MinConfidence, Request, Scoring, Threshold, Thresholds,
+    EvaluationReport, Matching, MinConfidence, Request, Sides, Threshold, Thresholds,
 };
-use tracklens::metric::{NonFinite, Settings};
+use tracklens::metric::{NonFinite, Rank, Settings};
 use tracklens::track::{GroundTruth, KeypointTrack};
 
 use crate::errors::exception;
@@ -26,7 +25,10 @@ pub(crate) struct Options {
     objects: Option<Vec<String>>,
     image_size: Option<[u32; 2]>,
     transform: String,
-    rank: String,
+    rank: Option<String>,
+    /// The JSON of a camera.
+    camera: Option<String>,
+    xy_only: bool,
     thresholds: BTreeMap<String, f64>,
     non_finite: String,
     min_confidence: Option<f64>,
@@ -57,13 +59,14 @@ struct Reading {
 }
 
 impl Reading {
-    fn options(&self, image_size: Option<[u32; 2]>) -> Result<TableOptions> {
+    fn options(&self, image_size: Option<[u32; 2]>, xy_only: bool) -> Result<TableOptions> {
         Ok(TableOptions {
             space: parsed::<Space>(self.space.as_ref())?,
             axes: parsed::<AxisOrder>(self.axis_order.as_ref())?,
             flip: parsed::<Flip>(self.flip.as_ref())?,
             zero_is_missing: self.zero_is_missing.then_some(true),
             image_size,
+            xy_only,
             ..TableOptions::default()
         })
     }
@@ -74,17 +77,18 @@ fn parsed<T: std::str::FromStr<Err = Error>>(text: Option<&String>) -> Result<Op
 }
 
 impl Options {
-    fn request(&self) -> Result<Request> {
+    /// `axes` is the number of coordinates of a keypoint.
+    fn request(&self, image_size: Option<[u32; 2]>, axes: usize) -> Result<Request> {
         let thresholds = self.thresholds.iter();
         let thresholds = thresholds.map(|(name, value)| Threshold::new(name, *value));
         Ok(Request {
             settings: Settings {
                 transform: self.transform.parse()?,
-                rank: self.rank.parse()?,
+                rank: parsed(self.rank.as_ref())?.unwrap_or(Rank::of_axes(axes)),
                 rare_keypoints: self.rare_keypoints,
             },
             thresholds: Thresholds::new(thresholds.collect::<Result<Vec<_>>>()?)?,
-            image_size: self.image_size,
+            image_size,
             folds: self.folds,
             bootstrap: self.bootstrap,
             seed: self.resampling_seed,
@@ -111,24 +115,27 @@ impl Options {
         truth: &Parsed<GroundTruth>,
         keypoints: &Parsed<KeypointTrack>,
     ) -> Result<EvaluationReport> {
-        let matching = self.matching()?;
         let policy: NonFinite = self.non_finite.parse()?;
-        let request = self.request()?;
-        let (points, track) = (&truth.content, &keypoints.content);
-        let scoring = Scoring::matched(points, track, policy, matching)?;
-        let join = JoinReport::new(scoring.join(), track.keys(), points.keys());
-        let mut report = request.evaluate(&scoring, &join)?;
-        report.temporal = request.temporal(&scoring)?;
-        report.findings = examine(&Subject {
-            truth: points,
-            truth_reading: Some(&truth.reading),
-            keypoints: track,
+        let camera = self.camera.as_deref();
+        let camera = camera.map(|json| Camera::parse(json.as_bytes(), "`camera`"));
+        let camera = camera.transpose()?;
+        let projected = camera.as_ref().map(|camera| camera.project(&truth.content));
+        let projected = projected.transpose()?;
+        let sides = Sides {
+            truth: projected
+                .as_ref()
+                .map_or(&truth.content, |image| &image.truth),
+            // What a camera projects is no longer what the array says.
+            truth_reading: Some(&truth.reading).filter(|_| projected.is_none()),
+            keypoints: &keypoints.content,
             keypoints_reading: Some(&keypoints.reading),
-            join: scoring.join(),
-            alignment: matching.alignment,
-            least: matching.least,
-            image_size: self.image_size,
-        });
+        };
+        let image_size = self.image_size.or(camera.map(|camera| camera.image_size));
+        let request = self.request(image_size, keypoints.content.axes())?;
+        let mut report = sides.score(&request, self.matching()?, policy)?.report;
+        if let Some(image) = &projected {
+            report.take_camera(image);
+        }
         if self.strict && report.tc.is_none() {
             return Err(Error::numeric(format!(
                 "the TC is unknown because there is not enough data (strict): {}",
@@ -157,7 +164,7 @@ pub(crate) fn score<'py>(
             let sure = sure.transpose()?;
             let confidences = sure.as_ref().map(Sequences::confidences).transpose()?;
             let options = reading
-                .options(options.image_size)
+                .options(options.image_size, options.xy_only)
                 .map_err(|e| exception(&e))?;
             PointSequences::new(name, &points.points()?, confidences.as_deref(), &options)
                 .map_err(|e| exception(&e))

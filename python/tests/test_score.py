@@ -105,6 +105,47 @@ def points(case, path, name):
     return array.reshape(case["T"], count, 2)[..., ::-1]
 
 
+def in_space(rng):
+    """Keypoints and truth `[S, T, N, 3]`; an affine map takes the first keypoints to the objects."""
+    _, truth = moving(rng)
+    truth = np.concatenate([truth, rng.uniform(0.5, 2, truth.shape[:3])[..., None]], axis=-1)
+    points = rng.uniform(-1, 1, (*truth.shape[:2], 5, 3))
+    points[:, :, :3] = truth @ rng.normal(size=(3, 3)).T + 0.3
+    return points, truth
+
+
+def test_points_in_space_are_scored_as_by_the_terminal(terminal, tmp_path, rng):
+    keypoints, truth = in_space(rng)
+    camera = {
+        "image_size": [200, 100],
+        "intrinsics": [[150, 0, 100], [0, 150, 50], [0, 0, 1]],
+        "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        "translation": [0, 0, 1],
+    }
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps(camera))
+    for given, of, options, arguments in [
+        (keypoints, truth, {}, []),
+        (keypoints[..., :2], truth, {}, []),
+        (keypoints, truth[..., :2], {"rank": "reference"}, ["--rank", "reference"]),
+        (keypoints, truth, {"xy_only": True}, ["--xy-only"]),
+        (keypoints[..., :2], truth, {"camera": camera}, ["--camera", file]),
+    ]:
+        evaluation = score(given, of, names=NAMES, **options)
+        same(evaluation, terminal.score(tmp_path, given, of, *arguments, names=NAMES))
+    # What a map of its own leaves is rounding.
+    assert np.nanmin(score(keypoints, truth).errors, axis=1) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_camera_that_is_none_says_what_is_expected(rng):
+    keypoints, truth = in_space(rng)
+    with pytest.raises(tracklens.InputError, match="`camera`.*expected `image_size`"):
+        score(keypoints, truth, camera={"image_size": [2, 2]})
+    flat = keypoints[..., :2]
+    with pytest.raises(tracklens.InputError, match="sequence 1: the last axis has 2 numbers"):
+        score([keypoints[0], flat[1]], [truth[0], truth[1]])
+
+
 def test_sequences_may_differ_in_length(terminal, tmp_path, rng):
     keypoints, truth = moving(rng)
     lengths = [40, 31, 8, 40, 22, 1]
@@ -128,7 +169,7 @@ def test_sequences_may_differ_in_length(terminal, tmp_path, rng):
 @pytest.mark.parametrize(
     ("keypoints", "truth", "error", "message"),
     [
-        ((5, 4, 3), (5, 2, 2), ValueError, "`keypoints`, sequence 0: the last axis has 3 numbers"),
+        ((5, 4, 4), (5, 2, 2), ValueError, "`keypoints`, sequence 0: the last axis has 4 numbers"),
         (
             (2, 5, 4, 2),
             (2, 5, 2, 1),

@@ -16,10 +16,8 @@ use crate::atomic;
 use crate::command_line;
 use crate::data::{Alignment, Camera, Columns, FrameSource, Projected, Reading};
 use crate::error::{Error, Result};
-use crate::evaluation::doctor::{Subject, examine};
 use crate::evaluation::{
-    CameraReport, EvaluationReport, JoinReport, Matching, MinConfidence, Request, Scoring,
-    Threshold, Thresholds,
+    EvaluationReport, Matching, MinConfidence, Request, Scored, Sides, Threshold, Thresholds,
 };
 use crate::metric::{NonFinite, Rank, Settings, Transform};
 use crate::report::evaluation::{evaluation_csv, evaluation_figures, evaluation_page};
@@ -243,28 +241,22 @@ impl ScoringArguments {
         let camera = projected.as_ref();
         let points = camera.map_or(&truth.points, |(_, image)| &image.truth);
         let image_size = image_size.or(camera.map(|(camera, _)| camera.image_size));
-        let scoring = Scoring::matched(points, keypoints, self.non_finite, matching)?;
-        let join = JoinReport::new(scoring.join(), keypoints.keys(), points.keys());
-        let request = self.request(image_size, keypoints.axes())?;
-        let mut report = request.evaluate(&scoring, &join)?;
-        if let Some((_, image)) = camera {
-            report.take_camera(CameraReport {
-                projected: image.projected,
-                behind: image.behind,
-            });
-        }
-        report.temporal = request.temporal(&scoring)?;
-        report.findings = examine(&Subject {
+        let sides = Sides {
             truth: points,
             // What a camera projects is no longer what the file says.
             truth_reading: truth.reading.as_ref().filter(|_| camera.is_none()),
             keypoints,
             keypoints_reading: Some(keypoints_reading),
-            join: scoring.join(),
-            alignment,
-            least: matching.least,
-            image_size,
-        });
+        };
+        let request = self.request(image_size, keypoints.axes())?;
+        let Scored {
+            scoring,
+            join,
+            mut report,
+        } = sides.score(&request, matching, self.non_finite)?;
+        if let Some((_, image)) = camera {
+            report.take_camera(image);
+        }
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {
             let film = match frames {

@@ -7,6 +7,8 @@ use super::doctor::Finding;
 use super::scoring::{Context, SequenceError};
 use super::temporal::{Temporal, TemporalObject};
 use crate::data::Join;
+#[cfg(feature = "space")]
+use crate::data::Projected;
 use crate::error::{Error, Result};
 use crate::metric::context::{Assignment, CLOSE, Regression};
 use crate::metric::{
@@ -517,7 +519,12 @@ impl EvaluationReport {
     }
 
     /// Takes up that a camera put the ground truth into the image.
-    pub fn take_camera(&mut self, camera: CameraReport) {
+    #[cfg(feature = "space")]
+    pub fn take_camera(&mut self, image: &Projected) {
+        let camera = CameraReport {
+            projected: image.projected,
+            behind: image.behind,
+        };
         if camera.behind > 0 {
             self.warnings.push(format!(
                 "{} of {} positions lie behind the camera and count as not visible",

@@ -32,6 +32,7 @@ pub mod doctor;
 mod document;
 mod request;
 mod scoring;
+mod sides;
 mod temporal;
 mod thresholds;
 mod unmatched;
@@ -45,6 +46,7 @@ pub use document::{
 };
 pub use request::Request;
 pub use scoring::{Context, Matching, Scoring, SequenceError, Series};
+pub use sides::{Scored, Sides};
 pub use temporal::{Temporal, TemporalObject};
 pub use thresholds::{Threshold, Thresholds};
 pub use unmatched::{UnmatchedSequence, unmatched_sequences};

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from numpy.typing import ArrayLike
 
@@ -24,8 +25,10 @@ def score(
     confidence: ArrayLike | Sequence[ArrayLike] | None = None,
     truth_confidence: ArrayLike | Sequence[ArrayLike] | None = None,
     image_size: tuple[int, int] | None = None,
+    camera: Mapping[str, Any] | None = None,
+    xy_only: bool = False,
     transform: Literal["affine", "scale-translate", "identity"] = "affine",
-    rank: Literal["reference", "centred"] = "reference",
+    rank: Literal["reference", "centred"] | None = None,
     thresholds: Mapping[str, float] | None = None,
     non_finite: Literal["exclude-point", "exclude-frame", "error"] = "exclude-point",
     min_confidence: float | None = None,
@@ -63,6 +66,9 @@ def score(
     integers, in ndc unless `space` says otherwise: x to the right, y down, -1 and +1 at the outer
     edges of the image.
 
+    Points in space have a third number, z, in any unit: of the keypoints, of the objects, or of
+    both (docs/metrics.md, "Three dimensions"). Errors are then in the unit of the truth, squared.
+
     The options are those of the command, whose help explains them:
 
     - `names`: of the K objects; `point_0`, `point_1`, … without them. `objects`: only these, in
@@ -71,7 +77,11 @@ def score(
       above; `min_confidence`, `truth_min_confidence`: what is less sure counts as missing;
       `confidence_levels`: where the TC is also given.
     - `image_size`: width and height in pixels, for positions and errors in pixels.
-    - `transform`, `rank`, `non_finite`, `rare_keypoints`: how maps are fitted, and on what.
+    - `camera`: puts a truth in space into its image, where it is scored; `image_size`,
+      `intrinsics`, `rotation`, `translation` and `distortion` as in the JSON of `--camera`
+      (docs/formats.md), as lists. `xy_only`: leave z out.
+    - `transform`, `rank`, `non_finite`, `rare_keypoints`: how maps are fitted, and on what. `rank`
+      is by default "reference", and "centred" of keypoints in space.
     - `thresholds`: by the name of the object; by default cube 0.015, target 0.015, eef 0.1, others
       0.015.
     - `folds`: of the sequences for held-out errors, 0 for none; `bootstrap`: resamples for 95 %
@@ -94,6 +104,8 @@ def score(
         "names": None if names is None else list(names),
         "objects": None if objects is None else list(objects),
         "image_size": image_size,
+        "camera": None if camera is None else json.dumps(camera),
+        "xy_only": xy_only,
         "transform": transform,
         "rank": rank,
         "thresholds": dict(thresholds or {}),
