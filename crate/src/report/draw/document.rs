@@ -50,9 +50,7 @@ figure .plate:not(.white) svg [stroke=\"#222222\"] { stroke: var(--ink); }
 figure .plate:not(.white) svg [stroke=\"#DEDEDE\"] { stroke: var(--line); }
 figure .plate:not(.white) svg > rect:first-of-type[fill=\"#FFFFFF\"] { fill: var(--plate); }
 #film { max-width: 34rem; }
-#film .plate { border-radius: 8px; overflow: hidden; }
-#film .plate::before { content: none; }
-#film .plate svg { min-width: 0; width: 100%; }
+#film svg { display: block; width: 100%; height: auto; border-radius: 8px; }
 .film-objects { display: flex; flex-wrap: wrap; gap: .25rem 1.25rem; margin: .5rem 0; color: var(--ink); }
 .film-objects i { display: inline-block; width: .7rem; height: .7rem; margin-right: .4rem; border-radius: 50%; }
 @media print {

@@ -132,7 +132,7 @@ impl Film {
         }
         html! {
             h2 { "How it moves" }
-            figure #film {
+            div #film {
                 input #film-pause type="checkbox";
                 label for="film-pause" { "Pause" }
                 div.plate { (PreEscaped(self.svg(count))) }
@@ -144,7 +144,7 @@ impl Film {
                         }
                     }
                 }
-                figcaption {
+                p {
                     "Sequence " (self.sequence) ": " (count) " of " (self.length) " frames. Circles: ground truth. \
                      Diamonds: the keypoint under its fitted map. Lines: their paths, those of keypoints dashed."
                 }
