@@ -11,7 +11,7 @@ import { scrollRegion } from "../ui/scroll-region.js";
  */
 
 /** Tables that can be sorted. @type {Table["name"][]} */
-const SORTED = ["runs"];
+const SORTED = ["runs", "agents"];
 
 /** The ids of tables. @type {Map<Table["name"], string>} */
 const IDS = new Map([
@@ -22,10 +22,12 @@ const IDS = new Map([
 /**
  * A table with its caption and note.
  * @param {Table} table
- * @param {Order} order by what a table is sorted that can be sorted
+ * @param {Map<Table["name"], Order>} orders by what tables are sorted that can be sorted
  */
-export function tableView(table, order) {
+export function tableView(table, orders) {
   const isSorted = SORTED.includes(table.name);
+  const order = orders.get(table.name) ?? { column: 0, down: false };
+  orders.set(table.name, order);
   const body = h("tbody");
   const headers = table.columns.map(({ label, isText }, i) =>
     h(

@@ -17,6 +17,7 @@ import { tableView } from "./tables.js";
  * @typedef {import("../pkg/index.js").RunDataSet} RunDataSet
  * @typedef {import("../pkg/index.js").RunsReport} RunsReport
  * @typedef {import("../pkg/index.js").Table} Table
+ * @typedef {Map<Table["name"], import("./tables.js").Order>} Orders
  */
 
 /** Objects that get a column. */
@@ -29,8 +30,8 @@ const LISTED_OBJECTS = 8;
 export function showComparison(session, comparison) {
   const place = byId("comparison");
   let told = "";
-  /** By what the table of runs is sorted. */
-  const order = { column: 0, down: false };
+  /** By what the tables of runs are sorted. @type {Orders} */
+  const orders = new Map();
   const inStep = inStepView(session, comparison);
 
   const rebuild = () => {
@@ -76,7 +77,7 @@ export function showComparison(session, comparison) {
       ),
       inStep.element,
       detectorsView(comparison.detectors),
-      ...(comparison.compared ? compared(comparison.compared, order) : []),
+      ...(comparison.compared ? compared(comparison.compared, orders) : []),
       dropped(comparison, set),
     );
     inStep.update();
@@ -296,15 +297,15 @@ function notices(comparison, set, report) {
 
 /**
  * @param {Compared} compared
- * @param {import("./tables.js").Order} order
+ * @param {Orders} orders
  */
-function compared(compared, order) {
+function compared(compared, orders) {
   const { tables } = compared;
   const isRuns = (/** @type {Table} */ { name }) => name === "runs" || name === "agents";
   const runs = tables.filter(isRuns);
   const others = tables.filter((table) => !isRuns(table));
   return [
-    h("div", { class: "panel" }, ...others.flatMap((table) => tableView(table, order))),
+    h("div", { class: "panel" }, ...others.flatMap((table) => tableView(table, orders))),
     h(
       "div",
       { class: "panel comparison-figures" },
@@ -313,7 +314,7 @@ function compared(compared, order) {
     h(
       "div",
       { class: "panel" },
-      ...runs.flatMap((table) => tableView(table, order)),
+      ...runs.flatMap((table) => tableView(table, orders)),
       downloads(compared, compared.report),
     ),
   ];

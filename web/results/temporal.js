@@ -37,7 +37,7 @@ export function temporalView(session) {
       const table = temporal && temporalTable({ ...evaluation, temporal });
       if (table) {
         // Its caption is the summary.
-        const [, ...parts] = tableView(table, { column: 0, down: false });
+        const [, ...parts] = tableView(table, new Map());
         fill(body, ...parts);
       } else fill(body, h("p", {}, "The saved evaluation has none."));
     } catch (error) {

@@ -221,6 +221,16 @@ async fn folders_of_agents_compare_as_in_the_terminal() {
     assert_eq!((shown.len(), shown[0][0].as_str()), (6, "points+robot"));
     assert_eq!(rows(&page, "correlation-table").await.len(), 4);
     assert_eq!(rows(&page, "agents-table").await.len(), 29);
+    // By the seed, and the other way round.
+    let seed = "document.querySelectorAll('#agents-table .sort')[2]";
+    for (first, sort) in [("0", "ascending"), ("4", "descending")] {
+        page.value(&format!("{seed}.click()")).await;
+        assert_eq!(rows(&page, "agents-table").await[0][2], first);
+        let told = page
+            .value(&format!("{seed}.closest('th').getAttribute('aria-sort')"))
+            .await;
+        assert_eq!(told, sort);
+    }
     assert_eq!(
         page.value("document.querySelector('#save-runs-csv')").await,
         Value::Null
