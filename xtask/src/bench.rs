@@ -144,7 +144,7 @@ fn step(workspace: &Workspace, rounds: usize) -> Result<()> {
 fn size(workspace: &Workspace) -> Result<()> {
     setup::chromium()?;
     package::build(workspace, package::Build::Full, false)?;
-    site::write(workspace, &workspace.site(), false)?;
+    site::write(workspace, &workspace.site(), package::Build::Full, false)?;
     let mut cargo = run::cargo();
     cargo
         .args(["bench", "--package=tracklens-page-tests", "--bench=size"])

@@ -138,11 +138,12 @@ fn perform(task: Task) -> Result<()> {
         Task::Build { gpu } => package::build(&workspace, package::Build::Full, gpu),
         Task::Site { out, gpu } => {
             package::build(&workspace, package::Build::Full, gpu)?;
-            site::write(&workspace, &out.unwrap_or_else(|| workspace.site()), gpu)
+            let out = out.unwrap_or_else(|| workspace.site());
+            site::write(&workspace, &out, package::Build::Full, gpu)
         }
         Task::Serve { port, open, gpu } => {
             package::build(&workspace, package::Build::Quick, gpu)?;
-            site::write(&workspace, &workspace.site(), gpu)?;
+            site::write(&workspace, &workspace.site(), package::Build::Quick, gpu)?;
             serve::serve(&workspace.site(), port, open)
         }
         Task::Python => python::wheel(&workspace).map(drop),

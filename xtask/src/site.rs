@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempDir};
 
+use crate::package::Build;
+use crate::setup::Minifier;
 use crate::workspace::Workspace;
 use crate::{package, setup};
 
@@ -18,18 +20,21 @@ const MARKER: &str = "tracklens-site.json";
 
 /// Keeps a copy of the site in the browser, and has to know its files for that.
 const WORKER: &str = "service-worker.js";
+/// Where libraries of others lie in the site.
+const LIBRARIES: &str = "vendor/";
 const PLACEHOLDER: &str = r#"const SITE = { version: "", files: {} };"#;
 
 /// Where each file of the site comes from, by its path in the site with `/` between the parts.
 type Sources = BTreeMap<String, PathBuf>;
 
 /// Writes the site into `out`, with or without extraction on GPUs, or brings one written before up
-/// to date: files of the last time that are gone are removed, files of somebody else stay.
+/// to date: files of the last time that are gone are removed, files of somebody else stay. Of a full
+/// build the scripts are made small as well.
 ///
 /// # Errors
 /// `out` holds files but was not made here, or lies in the sources; a source is missing; a file
 /// cannot be written.
-pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
+pub fn write(workspace: &Workspace, out: &Path, build: Build, gpu: bool) -> Result<()> {
     let out =
         std::path::absolute(out).with_context(|| format!("cannot resolve {}", out.display()))?;
     let existing = out
@@ -56,6 +61,14 @@ pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
             fs::read(source).with_context(|| format!("cannot read {}", source.display()))?;
         contents.insert(name.as_str(), content);
     }
+    if build == Build::Full {
+        match setup::minifier(workspace) {
+            Ok(minifier) => minify(&minifier, &mut contents)?,
+            Err(error) => eprintln!(
+                "warning: without esbuild the scripts are larger than they could be: {error:#}"
+            ),
+        }
+    }
     if let Some(worker) = contents.remove(WORKER) {
         let worker = with_files(&worker, &contents)?;
         contents.insert(WORKER, worker);
@@ -79,6 +92,28 @@ pub fn write(workspace: &Workspace, out: &Path, gpu: bool) -> Result<()> {
         put(&joined(&out, name), content)?;
     }
     println!("{}: {} files", out.display(), sources.len());
+    Ok(())
+}
+
+/// Makes the page's scripts and those of the package small, each on its own. Libraries are small, and
+/// the worker is still to be filled in.
+fn minify(minifier: &Minifier, contents: &mut BTreeMap<&str, Vec<u8>>) -> Result<()> {
+    let is_script =
+        |name: &str| name.ends_with(".js") && !name.starts_with(LIBRARIES) && name != WORKER;
+    let folder = || TempDir::new().context("no folder for scripts");
+    let (from, to) = (folder()?, folder()?);
+    let mut scripts = Vec::new();
+    for (name, content) in contents.iter().filter(|(name, _)| is_script(name)) {
+        let script = joined(from.path(), name);
+        put(&script, content)?;
+        scripts.push(script);
+    }
+    minifier.run(from.path(), to.path(), &scripts)?;
+    for (name, content) in contents.iter_mut().filter(|(name, _)| is_script(name)) {
+        let script = joined(to.path(), name);
+        *content =
+            fs::read(&script).with_context(|| format!("cannot read {}", script.display()))?;
+    }
     Ok(())
 }
 
@@ -215,8 +250,6 @@ fn readable_by_all(_: &NamedTempFile) -> std::io::Result<()> {
 mod tests {
     use super::*;
 
-    use tempfile::TempDir;
-
     fn workspace(folder: &Path) -> Result<Workspace> {
         for (file, content) in [
             ("web/index.html", "<!doctype html>"),
@@ -245,7 +278,7 @@ mod tests {
     fn the_site_has_the_page_and_what_a_browser_loads_of_the_package() -> Result<()> {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
-        write(&workspace(folder.path())?, &out, false)?;
+        write(&workspace(folder.path())?, &out, Build::Quick, false)?;
         let expected = [
             "example/truth.csv",
             "index.html",
@@ -274,12 +307,12 @@ mod tests {
             files.retain(|file| file.starts_with("pkg/"));
             Ok(files)
         };
-        write(&workspace, &out, true)?;
+        write(&workspace, &out, Build::Quick, true)?;
         assert_eq!(
             of_package()?,
             ["pkg/gpu.js", "pkg/index.js", "pkg/tracklens_gpu_bg.wasm"]
         );
-        write(&workspace, &out, false)?;
+        write(&workspace, &out, Build::Quick, false)?;
         assert_eq!(of_package()?, ["pkg/index.js"]);
         Ok(())
     }
@@ -289,11 +322,11 @@ mod tests {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
         let workspace = workspace(folder.path())?;
-        write(&workspace, &out, false)?;
+        write(&workspace, &out, Build::Quick, false)?;
         fs::write(out.join("CNAME"), "tracklens.example")?;
         fs::remove_file(workspace.web().join("example/truth.csv"))?;
         fs::write(workspace.web().join("index.html"), "new")?;
-        write(&workspace, &out, false)?;
+        write(&workspace, &out, Build::Quick, false)?;
         assert_eq!(
             files(&out)?,
             [
@@ -319,7 +352,7 @@ mod tests {
             format!("// why\n{PLACEHOLDER}\nserve(SITE);").as_bytes(),
         )?;
         let site = || -> Result<(Value, String)> {
-            write(&workspace, &out, false)?;
+            write(&workspace, &out, Build::Quick, false)?;
             let text = fs::read_to_string(out.join(WORKER))?;
             let line = text.lines().nth(1).unwrap_or_default();
             let json = line
@@ -358,8 +391,8 @@ mod tests {
         let folder = TempDir::new()?;
         let out = folder.path().join("out");
         put(&out.join("thesis.tex"), b"")?;
-        let error =
-            write(&workspace(folder.path())?, &out, false).map_err(|error| error.to_string());
+        let error = write(&workspace(folder.path())?, &out, Build::Quick, false)
+            .map_err(|error| error.to_string());
         assert!(error.is_err_and(|message| message.contains("did not put there")));
         assert_eq!(files(&out)?, ["thesis.tex"]);
         Ok(())
@@ -370,7 +403,7 @@ mod tests {
         let folder = TempDir::new()?;
         let workspace = workspace(folder.path())?;
         let inside = workspace.web().join("site");
-        assert!(write(&workspace, &inside, false).is_err());
+        assert!(write(&workspace, &inside, Build::Quick, false).is_err());
         assert!(!inside.exists());
         Ok(())
     }

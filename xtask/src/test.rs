@@ -107,7 +107,7 @@ pub fn run(workspace: &Workspace, parts: &[Part]) -> Result<()> {
                 });
                 let site = package.and_then(|()| {
                     steps.run("site", || {
-                        site::write(workspace, &workspace.site(), page_gpu)
+                        site::write(workspace, &workspace.site(), package::Build::Full, page_gpu)
                     })
                 });
                 if let Some(((geckodriver, axe), ())) = tools.zip(site) {

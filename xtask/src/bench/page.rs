@@ -35,7 +35,7 @@ pub fn run(workspace: &Workspace, rounds: usize) -> Result<()> {
     let node = setup::node()?;
     let peers = setup::npm_packages(workspace, &node, &setup::PAGE_PEERS)?;
     package::build(workspace, package::Build::Full, false)?;
-    site::write(workspace, &workspace.site(), false)?;
+    site::write(workspace, &workspace.site(), package::Build::Full, false)?;
     let made = TempDir::new().context("no folder for what is measured")?;
     make_encoders(workspace, made.path())?;
     make_tables(made.path())?;

@@ -17,7 +17,8 @@ pub use browser::{browsers, chromium};
 pub use cluster::cluster;
 pub use gpu::lavapipe;
 pub use node::{
-    NPM_LOCK, PAGE_PEERS, WasmOpt, axe, node, npm_packages, page_files, page_libraries, wasm_opt,
+    Minifier, NPM_LOCK, PAGE_PEERS, WasmOpt, axe, minifier, node, npm_packages, page_files,
+    page_libraries, wasm_opt,
 };
 pub use python::{fresh_python, maturin, pip_install, python};
 pub use wasm::{WasmToolchain, wasm_toolchain};

@@ -145,6 +145,50 @@ pub fn wasm_opt(workspace: &Workspace) -> Result<WasmOpt> {
     Ok(WasmOpt { node, script })
 }
 
+/// esbuild, here for single scripts: nothing is bundled.
+pub struct Minifier {
+    node: Node,
+    script: PathBuf,
+}
+
+impl Minifier {
+    /// Takes comments and needless whitespace out of `scripts` in the folder `from`, and writes them
+    /// under the same names into `to`.
+    ///
+    /// # Errors
+    /// A script is not JavaScript, or cannot be written.
+    pub fn run(&self, from: &Path, to: &Path, scripts: &[PathBuf]) -> Result<()> {
+        let mut command = self.node.command();
+        command
+            .arg(&self.script)
+            .args(["--minify-whitespace", "--minify-syntax"])
+            .args([
+                "--legal-comments=none",
+                "--charset=utf8",
+                "--log-level=warning",
+            ])
+            .arg(format!("--outbase={}", from.display()))
+            .arg(format!("--outdir={}", to.display()))
+            .args(scripts);
+        // Its line would name every script.
+        let done = command.output().context("esbuild cannot be started")?;
+        if !done.status.success() {
+            bail!("esbuild failed: {}", String::from_utf8_lossy(&done.stderr));
+        }
+        Ok(())
+    }
+}
+
+/// Finds the pinned esbuild or installs it into the target directory.
+///
+/// # Errors
+/// As [`wasm_opt`].
+pub fn minifier(workspace: &Workspace) -> Result<Minifier> {
+    let node = node()?;
+    let script = npm_packages(workspace, &node, &TOOLS)?.join("esbuild/bin/esbuild");
+    Ok(Minifier { node, script })
+}
+
 /// Finds the pinned axe-core, which tests of the page look for barriers with, or installs it into
 /// the target directory.
 ///
