@@ -6,7 +6,8 @@
 
 import { mediabunny } from "../files/containers/mediabunny.js";
 import { decodeImage } from "../files/image-cache.js";
-import { fixed, integer, significant } from "../ui/format.js";
+import { tcText } from "../results/summary.js";
+import { integer, significant } from "../ui/format.js";
 import { objectColor } from "../ui/palette.js";
 import { loadLook } from "./look.js";
 import { paint, paintMark } from "./scene.js";
@@ -113,6 +114,7 @@ class Film {
   #tracks;
   #pictures;
   #numbers;
+  #tc;
   #lines;
   #stage = new OffscreenCanvas(1, 1);
 
@@ -129,6 +131,8 @@ class Film {
     const frames = Array.from({ length: range.length }, (_, i) => range.start + i);
     this.#pictures = frames.map((frame) => score.picture(frame));
     this.#numbers = frames.map((frame) => score.frameNumbers[frame]);
+    const { evaluation } = score;
+    this.#tc = evaluation ? `TC ${tcText(evaluation.tc)}` : "";
     this.#lines = linesOf(session, this.#look.layers);
   }
 
@@ -177,14 +181,12 @@ class Film {
    */
   #write(context, title) {
     let y = this.#stage.height + PADDING / 2 + LINE / 2;
-    const { evaluation } = this.#session.score;
-    const tc = evaluation ? `TC ${evaluation.tc === null ? "unknown" : fixed(evaluation.tc)}` : "";
     context.font = `600 ${FONT}px system-ui, sans-serif`;
     context.textBaseline = "middle";
     context.fillStyle = FOREGROUND;
     context.textAlign = "right";
-    context.fillText(tc, WIDTH - PADDING, y);
-    const space = WIDTH - 3 * PADDING - context.measureText(tc).width;
+    context.fillText(this.#tc, WIDTH - PADDING, y);
+    const space = WIDTH - 3 * PADDING - context.measureText(this.#tc).width;
     context.textAlign = "left";
     context.fillText(title, PADDING, y, space);
     context.font = `${FONT}px system-ui, sans-serif`;

@@ -1,6 +1,7 @@
 // In the page before its own script: tells when something is painted, when it can be used, when the
-// first TC is there, of the bundled example or of two tables that are dropped (?tables), how
-// long after the click or the drop its frames move, and the longest task of the page's own thread until the TC.
+// first TC is there, of the bundled example or of two tables that are dropped (?tables), how long
+// after the click or the drop its frames move, and the longest task of the page's own thread until
+// the TC.
 const $ = (selector) => document.querySelector(selector);
 const post = (path, body) => fetch(path, { method: "POST", body: JSON.stringify(body ?? {}) });
 

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use maud::{Markup, PreEscaped, html};
-use ndarray::Array2;
+use ndarray::{Array2, s};
 use serde::{Deserialize, Serialize};
 
 use crate::data::{SequenceRange, ranges};
@@ -217,7 +217,8 @@ impl Film {
 
 /// The points of a sequence's first frames.
 fn positions(points: &Array2<f64>, range: &SequenceRange, count: usize) -> Vec<Position> {
-    let rows = points.rows().into_iter().skip(range.start).take(count);
+    let rows = points.slice(s![range.start..range.start + count, ..]);
+    let rows = rows.rows().into_iter();
     rows.map(|row| Some([row[0], row[1]]).filter(|point| point.iter().all(|v| v.is_finite())))
         .collect()
 }
@@ -327,6 +328,17 @@ mod tests {
                 .contains("120 of 500 frames")
         );
         assert_eq!(film(0, None).to_html().into_string(), "");
+    }
+
+    #[test]
+    fn the_points_of_a_sequence_are_its_own() {
+        let points = ndarray::array![[0.0, 0.1], [1.0, 1.1], [f64::NAN, 2.1], [3.0, 3.1]];
+        let range = SequenceRange {
+            name: "b".to_owned(),
+            start: 1,
+            length: 3,
+        };
+        assert_eq!(positions(&points, &range, 2), [Some([1.0, 1.1]), None]);
     }
 
     #[test]
