@@ -177,6 +177,8 @@ export class Marking {
 
   /** @param {import("./marks.js").Mark} mark */
   #mark(mark) {
+    // While an image is read, the one before it is still seen, and would be what was clicked.
+    if (!this.#view.isCurrent) return;
     const { key } = this.frame;
     const wasComplete = this.marks.isComplete(key);
     const isNew = this.marks.of(key)[this.object] === null;

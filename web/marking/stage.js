@@ -31,6 +31,8 @@ export class MarkingStage {
   #view = WHOLE;
   /** @type {Shown | null} */
   #shown = null;
+  /** The frame whose image is on display. @type {Source | null} */
+  #drawn = null;
   /** Tells a drawing that another one began while it waited. */
   #ticket = 0;
 
@@ -51,6 +53,11 @@ export class MarkingStage {
     return pointAt(this.#view, MIDDLE);
   }
 
+  /** Whether the image on display is that of the frame to show, which may still be read. */
+  get isCurrent() {
+    return this.#shown !== null && this.#drawn === this.#shown.source;
+  }
+
   /** @param {Shown} shown */
   show(shown) {
     this.#shown = shown;
@@ -69,6 +76,8 @@ export class MarkingStage {
   clear() {
     this.#ticket++;
     this.#shown = null;
+    this.#drawn = null;
+    delete this.canvas.dataset.picture;
     this.#cache.clear();
   }
 
@@ -90,6 +99,7 @@ export class MarkingStage {
       ...{ keypoints: new Float64Array(), hovered: null, heat: null },
     });
     if (this.#view.zoom > 1) paintMiddle(context, scale);
+    this.#drawn = shown.source;
     this.canvas.dataset.picture = shown.source.path;
     this.canvas.setAttribute("aria-label", shown.label);
   }

@@ -84,6 +84,11 @@ export class MarkingView {
     announce("Marking was closed; the marks are kept.");
   }
 
+  /** Whether the frame on display is the one that a mark would be of. */
+  get isCurrent() {
+    return this.#stage.isCurrent;
+  }
+
   /** Shows other images. */
   renew() {
     this.#stage.clear();
