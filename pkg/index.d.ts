@@ -15,11 +15,22 @@
 
 /**
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
- * is not said to be of another part), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
+ * is not said to be of another part), `space` (the same, also of points in space: once it is loaded it takes the place of
+ * `scoring`, whose objects mean nothing to it), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
  * ({@link readPoints}, {@link mapColumns}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
  * `comparison` ({@link Comparison}).
  */
-export type Part = "scoring" | "doctor" | "extraction" | "images" | "formats" | "onnx" | "temporal" | "figures" | "comparison";
+export type Part =
+  | "scoring"
+  | "space"
+  | "doctor"
+  | "extraction"
+  | "images"
+  | "formats"
+  | "onnx"
+  | "temporal"
+  | "figures"
+  | "comparison";
 
 /** Where a part comes from, if not from beside this file; e.g. a module compiled by another thread. */
 export type PartSource = WebAssembly.Module | BufferSource | URL | string | Response;
@@ -42,6 +53,7 @@ export function compile(part: Part): Promise<WebAssembly.Module>;
  * - `looksLikeFractions`: no coordinate is negative, as in a unit from 0 to 1.
  * - `lostPoints`: `points` of them lie at exactly (0, 0) with the least confidence; {@link MinConfidence} hides them.
  * - `otherNumbers`: no frame has a row, and most have one when this is added to the numbers of the rows ({@link Alignment}).
+ * - `inSpace`: points have three coordinates; the part `space` scores them.
  * - `keypointsFromOne`: the keypoints of a table count from 1; `firstKeypoint: 1` reads them.
  * - `assumedAxisOrder`: the file does not say the order of the coordinates; `axisOrder` does.
  * - `detectorSettings`: an ONNX model leaves open what `missing` names, e.g. `normalization`, `unit`; the settings of
@@ -57,6 +69,7 @@ export type Reason =
   | { type: "lostPoints"; points: number }
   | { type: "otherNumbers"; frames: number; sequences: number }
   | { type: "keypointsFromOne" }
+  | { type: "inSpace" }
   | { type: "detectorSettings"; missing: string[] }
   | { type: "assumedAxisOrder" };
 
@@ -66,10 +79,20 @@ export function version(): string;
 /** What a file is taken for, with the reason in words. */
 export interface Classification {
   /**
-   * `recording`: frames and points as arrays, for {@link Arrays}, or what {@link needsFormats} tells; `archive`: for {@link readArchive}; `result`: an
-   * {@link Evaluation} as JSON.
+   * `recording`: frames and points as arrays, for {@link Arrays}, or what {@link needsFormats} tells; `archive`: for {@link readArchive}; `camera`: for
+   * {@link Camera}; `result`: an {@link Evaluation} as JSON.
    */
-  role: "image" | "ground-truth" | "keypoints" | "checkpoint" | "recording" | "archive" | "video" | "result" | "unknown";
+  role:
+    | "image"
+    | "ground-truth"
+    | "keypoints"
+    | "checkpoint"
+    | "recording"
+    | "archive"
+    | "video"
+    | "camera"
+    | "result"
+    | "unknown";
   reason: string;
   /** Whether the content could as well be something else. */
   guess: boolean;
@@ -102,6 +125,8 @@ export interface TableOptions {
   flip?: "none" | "x" | "y" | "xy";
   /** Whether positions of exactly (0, 0) mean that the point was not found; default: no. */
   zeroIsMissing?: boolean;
+  /** Leaves z out of points with three coordinates, which are otherwise in space, in the unit of the file; default: no. */
+  xyOnly?: boolean;
   /** `[width, height]`; needed for positions in pixels, but for COCO files, which have it. */
   imageSize?: [number, number];
 }
@@ -125,15 +150,29 @@ export interface Reading {
   zeroIsMissing: Known<boolean>;
 }
 
-/** Ground truth: table `sequence,frame,object,x,y` (tidy CSV, ndc; empty x and y = not visible). */
+/** A camera: JSON, which `docs/formats.md` of the repository describes. Of the part `space`. */
+export class Camera {
+  private constructor();
+  /** Throws when it is not such JSON, or its numbers are not those of a camera. */
+  static parse(bytes: Uint8Array, name: string): Camera;
+  /** Width and height of its images. */
+  readonly imageSize: [number, number];
+  free(): void;
+}
+
+/** Ground truth: table `sequence,frame,object,x,y` (tidy CSV, ndc; empty x and y = not visible), or x, y, z in any unit. */
 export class GroundTruthTable {
   private constructor();
   /** Throws when the layout is unknown, a field is wrong, or positions are in pixels and no image size is known. */
   static parse(bytes: Uint8Array, name: string, options?: TableOptions): GroundTruthTable;
+  /** The positions in the image of a camera, in ndc; throws when they are in an image already. Of the part `space`. */
+  projected(camera: Camera): GroundTruthTable;
   readonly name: string;
   readonly objects: string[];
   readonly frames: number;
   readonly sequences: number;
+  /** How many coordinates a position has: 2 in the image, 3 in space. */
+  readonly axes: number;
   /** Whether positions say how sure they are: `likelihood`, `score`, `confidence`, `visible`, COCO's v. */
   readonly hasConfidence: boolean;
   readonly reading: Reading;
@@ -162,6 +201,8 @@ export class KeypointTable {
   readonly name: string;
   readonly keypoints: number;
   readonly frames: number;
+  /** How many coordinates a keypoint has: 2 in the image, 3 in space. */
+  readonly axes: number;
   /** Whether keypoints say how sure they are. */
   readonly hasConfidence: boolean;
   readonly reading: Reading;
@@ -498,8 +539,8 @@ export function extractionMemory(): number;
 export interface ScoreOptions {
   /** Default `affine`. */
   transform?: "identity" | "scale-translate" | "affine";
-  /** Default `reference`. */
-  rank?: "reference" | "centred";
+  /** Default: `reference`, and `centred` of keypoints in space. */
+  rank?: "reference" | "centred" | null;
   /** By object name; objects left out keep their default (cube 0.015, target 0.015, eef 0.1, others 0.015). */
   thresholds?: Record<string, number>;
   /** Width and height of the images, for errors in pixels. */
@@ -538,8 +579,8 @@ export interface ObjectEvaluation {
   frames: number;
   /** Of these, frames in which it lies outside the image. */
   outside: number;
-  /** truth = a z + b on column vectors (x, y). */
-  map: { a: [[number, number], [number, number]]; b: [number, number] } | null;
+  /** truth = a z + b on column vectors (x, y) or (x, y, z): a row of `a` for each coordinate of the object. */
+  map: { a: number[][]; b: number[] } | null;
 }
 
 /** What a recording can say about one object. */
@@ -594,7 +635,8 @@ export interface Context {
 
 /** The result, as `tracklens score --json` prints it; `docs/metrics.md` describes every field. */
 export interface Evaluation {
-  schema: "tracklens/evaluation/3";
+  /** 4 where points are in space. */
+  schema: "tracklens/evaluation/3" | "tracklens/evaluation/4";
   version: string;
   /** The command that repeats it. */
   command?: string;
@@ -616,6 +658,10 @@ export interface Evaluation {
   /** What looked wrong with the data; missing where nothing did, or nobody called `examine`. */
   findings?: Finding[];
   image_size?: [number, number];
+  /** How many coordinates points have, where some are in space; errors are then in the unit of the ground truth. */
+  dimensions?: { keypoints: number; truth: number };
+  /** Positions that a camera put into the image, and those behind it, which count as not visible. */
+  camera?: { projected: number; behind: number };
   join?: {
     matched: number;
     rules: string[];
@@ -727,16 +773,17 @@ export interface CommandInputs {
   keypoints?: string;
   checkpoint?: string;
   frames?: string;
+  camera?: string;
   /** Options of reading, word by word, e.g. `["--space", "px"]`. */
   options?: string[];
 }
 
-/** Points over the joined frames, T x 2 each; NaN where the object is not visible. */
+/** Points over the joined frames, T x 2 each, or T x 3 in space; NaN where the object is not visible. */
 export interface Series {
   truth: Float64Array;
   /** The keypoint as it is (latent space). */
   keypoint: Float64Array;
-  /** The keypoint under the fitted map (ndc). */
+  /** The keypoint under the fitted map, as the object. */
   transformed: Float64Array;
 }
 
@@ -762,6 +809,8 @@ export class Scoring {
   readonly join: JoinReport;
   /** The number of joined frames T. */
   readonly frames: number;
+  /** The numbers of coordinates of a keypoint and of an object: 2 in the image, 3 in space. */
+  readonly axes: Uint32Array;
   readonly objects: string[];
   /** The joined frames by sequence, in order. */
   readonly sequences: SequenceRange[];
@@ -774,7 +823,7 @@ export class Scoring {
   sequenceErrors(object: number, keypoint: number, options?: ScoreOptions): SequenceError[];
   /** The squared distance in every joined frame; NaN where the object is not visible. Their mean is the tracking error. */
   distances(object: number, keypoint: number, options?: ScoreOptions): Float64Array;
-  /** The keypoints of a joined frame as they are, N x 2. */
+  /** The keypoints of a joined frame as they are, N x 2, or N x 3 in space. */
   keypointsAt(frame: number): Float64Array;
   /** The points of object `object` and keypoint `keypoint` under the map of `options`. */
   series(object: number, keypoint: number, options?: ScoreOptions): Series;

@@ -7,10 +7,11 @@ import figures from "./tracklens_figures.js";
 import formats from "./tracklens_formats.js";
 import images from "./tracklens_images.js";
 import onnx from "./tracklens_onnx.js";
+import { loadSpace as space } from "./scoring.js";
 import scoring from "./tracklens_scoring.js";
 import temporal from "./tracklens_temporal.js";
 
-const LOADERS = { scoring, doctor, extraction, images, formats, onnx, temporal, figures, comparison };
+const LOADERS = { scoring, space, doctor, extraction, images, formats, onnx, temporal, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {

@@ -39,12 +39,12 @@ export function settingsIn(hash) {
  * The fragment of settings that differ from the defaults; empty where none does.
  * @param {Options} options
  * @param {{ folds: number, intervals: boolean }} resampling
- * @param {Pick<Options, "transform" | "rank">} defaults
+ * @param {Pick<Options, "transform">} defaults
  */
 export function fragmentOf(options, { folds, intervals }, defaults) {
   const kept = new URLSearchParams();
   if (options.transform !== defaults.transform) kept.set("map", options.transform);
-  if (options.rank !== defaults.rank) kept.set("rank", options.rank);
+  if (options.rank !== null) kept.set("rank", options.rank);
   if (folds > 0) kept.set("folds", String(folds));
   if (intervals) kept.set("intervals", "1");
   for (const [name, value] of options.thresholds) kept.append("threshold", `${name}:${value}`);

@@ -42,11 +42,14 @@ export class Points {
   constructor({ scoring, sequences, frameNumbers, pictures, sizes, config }) {
     this.scoring = scoring;
     this.objects = scoring?.objects ?? [];
+    /** The numbers of coordinates of a keypoint and of an object. @type {number[]} */
+    this.axes = scoring ? Array.from(scoring.axes) : [2, 2];
     this.sequences = sequences;
     this.frameNumbers = frameNumbers;
     this.#pictures = pictures;
     this.#sizes = sizes;
-    this.#config = config;
+    // Only points in the image have a place in it.
+    this.#config = this.axes[0] === 2 ? config : null;
   }
 
   /** Forgets what belongs to other options. */
@@ -92,7 +95,7 @@ export class Points {
   }
 
   /**
-   * The points of an object and a keypoint, all in ndc, with their squared distances.
+   * The points of an object and a keypoint, in ndc or in space, with their squared distances.
    * @param {number} object
    * @param {number} keypoint
    * @param {ScoreOptions} options what decides on the map
@@ -124,14 +127,16 @@ export class Points {
     const truth = this.#truthOf(object);
     if (!truth) return null;
     const unknown = new Float64Array(truth.length).fill(NaN);
-    const distances = new Float64Array(truth.length / 2).fill(NaN);
+    const distances = new Float64Array(truth.length / this.axes[1]).fill(NaN);
     return { truth, keypoint: unknown, transformed: unknown, distances };
   }
 
   /** @param {number} object */
   #truthOf(object) {
     try {
-      return this.scoring?.series(object, 0, { transform: "identity" }).truth ?? null;
+      // Any map will do: only the truth is taken.
+      const transform = this.axes[0] === this.axes[1] ? "identity" : "affine";
+      return this.scoring?.series(object, 0, { transform }).truth ?? null;
     } catch {
       // The package has no series of an object that is visible nowhere.
       return null;
@@ -139,10 +144,11 @@ export class Points {
   }
 
   /**
-   * All keypoints of a frame in ndc, N x 2.
+   * All keypoints of a frame in ndc, N x 2; none where they are in space.
    * @param {number} frame
    */
   keypointsAt(frame) {
+    if (this.axes[0] !== 2) return new Float64Array();
     return this.scoring ? this.placed(this.scoring.keypointsAt(frame), frame) : new Float64Array();
   }
 

@@ -21,9 +21,10 @@ import { load, store } from "./settings.js";
  * @typedef {import("./pkg/index.js").TemporalQuality} TemporalQuality
  * @typedef {import("./pkg/index.js").Scoring} Scoring
  *
- * How points are scored. `thresholds` holds those that were edited, by object.
- * @typedef {{ transform: Evaluation["transform"], rank: Evaluation["rank"], thresholds: Map<string,
- * number> }} Options
+ * How points are scored. `rank` is `null` for the rule that belongs to the keypoints; `thresholds`
+ * holds those that were edited, by object.
+ * @typedef {{ transform: Evaluation["transform"], rank: Evaluation["rank"] | null, thresholds:
+ * Map<string, number> }} Options
  *
  * An evaluation that was read from a file.
  * @typedef {{ path: string, evaluation: SavedEvaluation }} Saved
@@ -36,7 +37,7 @@ const STEP_MS = 24;
 
 const TRANSFORMS = ["identity", "scale-translate", "affine"];
 const RANKS = ["reference", "centred"];
-const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: "reference" });
+const DEFAULTS = /** @type {const} */ ({ transform: "affine", rank: null });
 
 export class Score extends EventTarget {
   /** The points that are scored. @type {Points | null} */
@@ -204,7 +205,7 @@ export class Score extends EventTarget {
 
   /**
    * Takes options from a file, as far as they are understood; they are scored with the next points.
-   * @param {{ transform: string, rank: string, thresholds: Record<string, number> }} given
+   * @param {{ transform: string, rank: string | null, thresholds: Record<string, number> }} given
    */
   takeOptions(given) {
     this.options = optionsFrom(given);
@@ -254,7 +255,8 @@ export class Score extends EventTarget {
    */
   completeEvaluation() {
     if (!this.scoring || !this.evaluation) return this.evaluation;
-    const more = { sequences: true, context: true };
+    // The other metrics are of points in the image.
+    const more = { sequences: true, context: this.isInImage };
     const evaluation = this.scoring.evaluate({ ...this.#scoreOptions(), ...more });
     if (this.intervals) evaluation.intervals = this.intervals;
     if (this.temporal) evaluation.temporal = this.temporal;
@@ -389,6 +391,22 @@ export class Score extends EventTarget {
     }));
   }
 
+  /** The numbers of coordinates of a keypoint and of an object: 2 in the image, 3 in space. */
+  get axes() {
+    const { dimensions } = this.savedIn?.evaluation.evaluation ?? {};
+    return dimensions ? [dimensions.keypoints, dimensions.truth] : (this.shown?.axes ?? [2, 2]);
+  }
+
+  /** Whether keypoints and objects are both in the image. */
+  get isInImage() {
+    return this.axes.every((axes) => axes === 2);
+  }
+
+  /** Whether objects are in space: errors are in their unit, and nothing says where they are seen. */
+  get isInSpace() {
+    return this.axes[1] === 3;
+  }
+
   get imageSize() {
     return this.shown?.imageSize ?? null;
   }
@@ -468,7 +486,8 @@ export class Score extends EventTarget {
     const options = { ...this.options, thresholds: new Map(this.#editedThresholds) };
     const fragment = fragmentOf(options, this.resampling, DEFAULTS);
     const before = settingsIn(location.hash) ? location.hash : "";
-    if (fragment !== before) history.replaceState(null, "", fragment || `${location.pathname}${location.search}`);
+    if (fragment !== before)
+      history.replaceState(null, "", fragment || `${location.pathname}${location.search}`);
   }
 
   #remember() {
@@ -484,7 +503,7 @@ export class Score extends EventTarget {
     const kept = [
       ...this.#editedThresholds.map(([name, value]) => `threshold ${value} for ${name}`),
       transform !== DEFAULTS.transform && `map ${transform}`,
-      rank !== DEFAULTS.rank && `rank rule ${rank}`,
+      rank !== null && `rank rule ${rank}`,
     ].filter(Boolean);
     if (kept.length === 0 || !this.#remembers) return;
     this.#problems.report("remembered", "info", `Kept from your last visit: ${kept.join(", ")}.`, {

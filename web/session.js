@@ -14,7 +14,15 @@ import init, {
 } from "./pkg/index.js";
 import { messageOf } from "./errors.js";
 import { commandInputs } from "./files/command.js";
-import { contentOf, entryOf, extractionOf, savedOf, tableOf, unread } from "./files/entry.js";
+import {
+  cameraOf,
+  contentOf,
+  entryOf,
+  extractionOf,
+  savedOf,
+  tableOf,
+  unread,
+} from "./files/entry.js";
 import { decodeImage } from "./files/image-cache.js";
 import { identify } from "./files/intake.js";
 import { Library } from "./files/library.js";
@@ -71,6 +79,7 @@ const SLOTS = [
   ["ground-truth", "ground-truth files"],
   ["checkpoint", "checkpoints"],
   ["keypoints", "keypoint tables"],
+  ["camera", "cameras"],
   ["result", ""],
 ];
 
@@ -116,10 +125,17 @@ export class Session extends EventTarget {
   questions = [];
   /** Whether the part that looks at the data is there. */
   #hasDoctor = false;
+  /** Whether the part that scores points in space is there. */
+  #hasSpace = false;
   /** Questions that were answered, in their words. @type {Set<string>} */
   #answered = new Set();
   /** The keypoints that are scored. @type {KeypointTable | null} */
   table = null;
+  /**
+   * A ground truth in space, put into the image by the camera.
+   * @type {{ of: GroundTruthTable, table: GroundTruthTable } | null}
+   */
+  #projected = null;
 
   /** Changes are made one after the other. @type {Promise<void>} */
   #queue = Promise.resolve();
@@ -430,10 +446,15 @@ export class Session extends EventTarget {
     this.emit("files");
   }
 
-  /** @returns {GroundTruthTable | null} */
+  /**
+   * The ground truth, in the image where a camera puts it there.
+   * @returns {GroundTruthTable | null}
+   */
   get truth() {
     const content = contentOf(this.library.used("ground-truth"));
-    return content?.kind === "ground-truth" ? content.table : null;
+    if (content?.kind !== "ground-truth") return null;
+    const projected = this.#projected;
+    return projected?.of === content.table ? projected.table : content.table;
   }
 
   /** Frames that are marked by hand, where that is the ground truth. */
@@ -646,6 +667,8 @@ export class Session extends EventTarget {
     this.#release();
     this.library.clear();
     this.frames?.free();
+    this.#projected?.table.free();
+    this.#projected = null;
     this.problems.clear();
     this.#answered.clear();
     this.reading = null;
@@ -668,6 +691,7 @@ export class Session extends EventTarget {
     if (!alive()) return;
     for (const [role, many] of SLOTS) this.#assign(role, many);
     for (const role of TABLES) this.#checkReading(this.library.used(role));
+    this.#project();
     this.#joinFrames();
     this.emit("files");
     await this.#loadDoctor();
@@ -700,19 +724,58 @@ export class Session extends EventTarget {
    * @param {() => boolean} alive
    */
   async #parseEntries(alive) {
-    const size = this.frameSize ?? this.saidSize;
-    const pending = this.library.pending(size);
+    const isCamera = (/** @type {Entry} */ { taken }) => taken.role === "camera";
+    const cameras = this.library.pending(undefined).filter(isCamera);
+    if (cameras.length > 0) await this.#enterSpace();
+    // A camera may say the size that tables in pixels need.
+    await this.#parseAll(cameras, alive);
+    if (alive()) await this.#parseAll(this.library.pending(this.#knownSize), alive);
+    if (!alive() || !this.library.isInSpace) return;
+    await this.#enterSpace();
+    await this.#parseAll(this.library.pending(this.#knownSize), alive);
+  }
+
+  /** Loads the part that scores points in space, for which all that was read is read again. */
+  async #enterSpace() {
+    if (this.#hasSpace) return;
+    await init(["space"]).catch((error) => {
+      throw new Error(
+        `Points in space need a part of the page that is not there: ${messageOf(error)}`,
+      );
+    });
+    this.#hasSpace = true;
+    this.#release();
+    await this.library.reopenAll();
+    await this.#indexFrames();
+  }
+
+  /**
+   * @param {Entry[]} pending
+   * @param {() => boolean} alive
+   */
+  async #parseAll(pending, alive) {
     if (pending.length === 0) return;
     this.#release();
     for (const [i, entry] of pending.entries()) {
       if (pending.length > 1) this.#read("Reading", i, pending.length);
-      await this.library.parse(entry, size);
+      await this.library.parse(entry, this.#knownSize);
       if (!alive()) {
         unread(entry);
         return;
       }
     }
     this.reading = null;
+  }
+
+  /**
+   * Width and height of the images: theirs, as the user says, or as a camera does.
+   * @returns {[number, number] | undefined}
+   */
+  get #knownSize() {
+    const camera = cameraOf(
+      this.library.used("camera") ?? this.library.usable("camera")[0] ?? null,
+    );
+    return this.frameSize ?? this.saidSize ?? camera?.imageSize;
   }
 
   /**
@@ -745,6 +808,24 @@ export class Session extends EventTarget {
     const read = (/** @type {import("./pkg/index.js").TableOptions} */ options) =>
       void this.setTableOptions(entry, options);
     askForReading(this.problems, entry.path, reasons, read);
+  }
+
+  /** Puts a ground truth in space into the image, where there is a camera. */
+  #project() {
+    this.#projected?.table.free();
+    this.#projected = null;
+    const { truth } = this;
+    const entry = this.library.used("camera");
+    const camera = cameraOf(entry);
+    if (!truth || !entry || !camera) return;
+    if (truth.axes === 2) {
+      const text =
+        `${entry.path} is not used: the ground truth has two coordinates, and a camera projects ` +
+        "three.";
+      this.problems.offer("camera", "info", text);
+      return;
+    }
+    this.#projected = { of: truth, table: truth.projected(camera) };
   }
 
   #joinFrames() {
@@ -955,7 +1036,8 @@ export class Session extends EventTarget {
     }
     // The viewer reports an image that cannot be decoded when it comes to it; errors in pixels are
     // left out then.
-    const size = pictures.some((picture) => picture !== null) ? this.frameSize : this.saidSize;
+    const hasPictures = pictures.some((picture) => picture !== null);
+    const size = hasPictures ? this.frameSize : this.#knownSize;
     return size ? [size] : [];
   }
 

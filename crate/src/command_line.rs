@@ -11,6 +11,7 @@ pub(crate) const RANK: &str = "rank";
 pub(crate) const THRESHOLD: &str = "threshold";
 pub(crate) const SHIFT_FRAMES: &str = "shift-frames";
 pub(crate) const SHIFT_SEQUENCES: &str = "shift-sequences";
+pub(crate) const CAMERA: &str = "camera";
 pub(crate) const NON_FINITE: &str = "non-finite";
 pub(crate) const MIN_CONFIDENCE: &str = "min-confidence";
 pub(crate) const TRUTH_MIN_CONFIDENCE: &str = "truth-min-confidence";

@@ -75,6 +75,8 @@ pub enum Reason {
         /// To the numbers in the names of the sequences.
         sequences: i64,
     },
+    /// Points have three coordinates, and those in space are not compiled in.
+    InSpace,
     /// A file holds no frames; it may hold points.
     NoFrames,
     /// The model of a detector leaves settings open; with them, the same file can be run.

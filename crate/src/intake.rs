@@ -26,6 +26,8 @@ pub enum Role {
     Archive,
     /// Frames one after the other: MP4, WebM and their like.
     Video,
+    /// A camera, which projects positions in space: JSON.
+    Camera,
     /// What `score` and `eval` write, and the page: an evaluation.
     Result,
     /// Nothing that is known here.
@@ -144,7 +146,7 @@ fn table(head: &[u8]) -> (Role, String, bool) {
     }
 }
 
-/// JSON: an evaluation, or COCO keypoints, whose parts may come in any order.
+/// JSON: an evaluation, a camera, or COCO keypoints, whose parts may come in any order.
 fn json(head: &[u8]) -> (Role, String, bool) {
     let text = String::from_utf8_lossy(head);
     if text.contains("\"tracklens/evaluation/") {
@@ -169,6 +171,13 @@ fn json(head: &[u8]) -> (Role, String, bool) {
             false,
         );
     }
+    if text.contains("\"intrinsics\"") {
+        return (
+            Role::Camera,
+            "a camera, by its `intrinsics`".to_owned(),
+            false,
+        );
+    }
     let is_coco = ["\"images\"", "\"annotations\"", "\"categories\""]
         .iter()
         .any(|key| text.contains(key));
@@ -180,8 +189,8 @@ fn json(head: &[u8]) -> (Role, String, bool) {
         ),
         false => (
             Role::Unknown,
-            "JSON without `images`, `annotations` or `categories` at its beginning, or the `schema` of an evaluation; \
-             expected COCO keypoints, or a result of tracklens"
+            "JSON without `images`, `annotations` or `categories` at its beginning, the `intrinsics` of a camera or the \
+             `schema` of an evaluation; expected COCO keypoints, a camera, or a result of tracklens"
                 .to_owned(),
             false,
         ),

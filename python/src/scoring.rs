@@ -134,7 +134,7 @@ impl Options {
         let request = self.request(image_size, keypoints.content.axes())?;
         let mut report = sides.score(&request, self.matching()?, policy)?.report;
         if let Some(image) = &projected {
-            report.take_camera(image);
+            report.take_camera(image.into());
         }
         if self.strict && report.tc.is_none() {
             return Err(Error::numeric(format!(

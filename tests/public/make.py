@@ -45,7 +45,6 @@ KEYPOINTS = (TRUTH * [0.8, 0.9] + [7, -3] + rng.normal(0, 1.5, TRUTH.shape)).rou
 SPACE = np.dstack([TRUTH / 64, np.stack([np.sin(0.7 * t), np.cos(2.1 * t)], 1)]).round(4)
 # Keypoints that see them from elsewhere.
 SPACE_KEYPOINTS = (SPACE @ [[2, 1, 0], [-1, 2, 1], [0, 1, 3]] + 4 + rng.normal(0, 0.02, SPACE.shape)).round(4)
-IN_SPACE = "three coordinates"
 HIDDEN = [(3, 0), (9, 1), (20, 0)]
 
 
@@ -84,13 +83,12 @@ def errors(truth, keypoints):
 cases = []
 
 
-def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES, space=None, refused_by_page=IN_SPACE):
+def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES, space=None):
     """A file and what it comes to beside the plain table of the other role.
 
     `points` are what it holds, T x P x 2 in pixels, in the order of `objects`; `refused` is a part
     of the message of a file that cannot be read, `notes` are parts of what is told of one that can.
-    `space` are positions in space in its place, T x P x 3 in the unit of the file, and
-    `refused_by_page` is what the page says of them.
+    `space` are positions in space in its place, T x P x 3 in the unit of the file.
     """
     data = content if isinstance(content, bytes) else content.encode()
     (OUT / name).write_bytes(data)
@@ -99,7 +97,7 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
         found["refused"] = refused
     elif space is not None:
         found["errors"] = errors(space, ndc(KEYPOINTS)) if role == "truth" else errors(ndc(TRUTH), space)
-        found["refused_by_page"] = refused_by_page
+        found["axes"] = 3
         if role == "truth":
             found["objects"] = list(objects)
     else:

@@ -20,10 +20,14 @@ export function commandInputs(library, frames) {
   const truth = library.used("ground-truth");
   const table = library.used("keypoints");
   if (truth?.isMapped || table?.isMapped) return null;
+  const camera = tableOf(truth)?.axes === 3 ? library.used("camera") : null;
+  const isFlat = [truth, table].some((entry) => entry?.options.xyOnly);
   return {
     truth: truth?.path ?? "ground_truth.csv",
+    ...(camera ? { camera: camera.path } : {}),
     options: [
       ...readingWords(truth, "--"),
+      ...(isFlat ? ["--xy-only"] : []),
       ...(table ? readingWords(table, "--keypoints-", truth) : []),
       ...(table ? [] : settingsWords(library.used("checkpoint")?.settings ?? {})),
       ...(table?.options.firstKeypoint === undefined

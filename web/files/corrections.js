@@ -18,6 +18,7 @@ export const ROLES = {
   "ground-truth": { title: "Ground truth", icon: "icon-table" },
   keypoints: { title: "Keypoints", icon: "icon-table" },
   checkpoint: { title: "Checkpoint", icon: "icon-checkpoint" },
+  camera: { title: "Camera", icon: "icon-camera" },
   result: { title: "Saved evaluation", icon: "icon-file" },
   unknown: { title: "Not used", icon: "icon-file" },
 };
@@ -28,8 +29,8 @@ const UNITS = { ndc: "ndc", px: "pixels", fraction: "0 to 1" };
 /**
  * What of the reading of a table can be chosen: by the name of the option, with the value that holds
  * where neither the file nor the user says one.
- * @type {{ key: "space" | "axisOrder" | "flip" | "zeroIsMissing" | "indexBase", label: string,
- *   values: string[][], usual: string | number | boolean, parse: (value: string) => unknown }[]}
+ * @type {{ key: "space" | "xyOnly" | "axisOrder" | "flip" | "zeroIsMissing" | "indexBase",
+ *   label: string, values: string[][], usual: string | number | boolean, parse: (value: string) => unknown }[]}
  */
 const READINGS = [
   {
@@ -42,6 +43,16 @@ const READINGS = [
     ],
     usual: "ndc",
     parse: String,
+  },
+  {
+    key: "xyOnly",
+    label: "Points are",
+    values: [
+      ["false", "x, y and z"],
+      ["true", "x and y, without z"],
+    ],
+    usual: false,
+    parse: (value) => value === "true",
   },
   {
     key: "axisOrder",
@@ -95,15 +106,18 @@ const GROUNDS = { guess: "assumed", file: "from the file", said: "as you said" }
  * @param {Entry} entry
  */
 export function corrections(session, entry) {
-  const reading = tableOf(entry)?.reading;
+  const table = tableOf(entry);
+  const reading = table?.reading;
   const summary = reading
     ? [
-        UNITS[reading.space.value],
-        `(${[...reading.axisOrder.value].join(", ")})`,
+        isInSpace(table) ? "in space" : UNITS[reading.space.value],
+        `(${[...reading.axisOrder.value, ...(isInSpace(table) ? ["z"] : [])].join(", ")})`,
         `frames from ${reading.indexBase.value}`,
       ].join(" · ")
     : "Wrong type? Change it";
   const grounds = reading ? [reading.space, reading.axisOrder, reading.indexBase] : [];
+  // The unit of positions in space is that of their file.
+  if (isInSpace(table)) grounds.shift();
   const isGuess = grounds.some(({ by }) => by === "guess");
   const { role, by } = entry.taken;
   const choices = h(
@@ -127,19 +141,40 @@ export function corrections(session, entry) {
  * @param {Entry} entry a table
  */
 function readingChoices(session, entry) {
-  const reading = tableOf(entry)?.reading;
-  // Recordings count their frames from 0.
-  const asked = READINGS.filter(({ key }) => !entry.arrays || key !== "indexBase");
+  const table = tableOf(entry);
+  const reading = table?.reading;
+  const asked = READINGS.filter(({ key }) => {
+    // Recordings count their frames from 0.
+    if (key === "indexBase") return !entry.arrays;
+    if (key === "space") return !isInSpace(table);
+    return key !== "xyOnly" || isInSpace(table) || entry.options.xyOnly === true;
+  });
   const read = asked.map(({ key, label, values, usual, parse }) =>
     choice(
       label,
       key,
       values,
-      reading?.[key] ?? { value: entry.options[key] ?? usual, by: "guess" },
+      (key !== "xyOnly" && reading?.[key]) || givenOf(entry, key, usual),
       (value) => void session.setTableOptions(entry, { [key]: parse(value) }),
     ),
   );
   return [...read, ...shiftChoices(session, entry)];
+}
+
+/**
+ * What the user says, where a reading does not say it.
+ * @param {Entry} entry
+ * @param {(typeof READINGS)[number]["key"]} key
+ * @param {string | number | boolean} usual
+ */
+function givenOf({ options }, key, usual) {
+  const value = options[key];
+  return value === undefined ? { value: usual, by: "guess" } : { value, by: "said" };
+}
+
+/** @param {ReturnType<typeof tableOf>} [table] */
+function isInSpace(table) {
+  return table?.axes === 3;
 }
 
 /**
@@ -231,6 +266,7 @@ function rolesOf(entry) {
   const { arrays, path, taken } = entry;
   /** @type {Slot[]} */
   const points = ["ground-truth", "keypoints"];
+  if (taken.role === "camera") return ["camera", "unknown"];
   const isTable = arrays || tableOf(entry) || /\.(csv|tsv|txt|json)$/i.test(path);
   if (isTable) return [...points, "unknown"];
   return taken.role === "checkpoint"

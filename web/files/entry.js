@@ -8,12 +8,13 @@
  * @typedef {import("../extraction/extraction.js").Extraction} Extraction
  * @typedef {import("../extraction/extractor.js").OpenEncoder} OpenEncoder
  * @typedef {import("../pkg/index.js").Arrays} Arrays
+ * @typedef {import("../pkg/index.js").Camera} Camera
  * @typedef {import("../pkg/index.js").GroundTruthTable} GroundTruthTable
  * @typedef {import("../pkg/index.js").KeypointTable} KeypointTable
  * @typedef {import("../pkg/index.js").TableOptions} TableOptions
  *
  * What a file can be used as. One file is used as each.
- * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "result"} Slot
+ * @typedef {"ground-truth" | "checkpoint" | "keypoints" | "camera" | "result"} Slot
  *
  * What a file was taken for: by its content (`file`), as the usual case (`guess`), or as the user
  * chose (`said`); `reason` gives the grounds in words.
@@ -22,6 +23,7 @@
  * What was read.
  * @typedef {{ kind: "ground-truth", table: GroundTruthTable }
  *   | { kind: "keypoints", table: KeypointTable }
+ *   | { kind: "camera", camera: Camera }
  *   | { kind: "checkpoint", encoder: OpenEncoder, extraction: Extraction }
  *   | { kind: "result", saved: SavedEvaluation }} Content
  *
@@ -112,6 +114,16 @@ export function savedOf(entry) {
   return content?.kind === "result" ? content.saved : null;
 }
 
+/**
+ * The camera in a file, when it is one.
+ * @param {Entry | null} entry
+ * @returns {Camera | null}
+ */
+export function cameraOf(entry) {
+  const content = contentOf(entry);
+  return content?.kind === "camera" ? content.camera : null;
+}
+
 /** @param {Entry} entry */
 export function isTableRole({ taken: { role } }) {
   return role === "ground-truth" || role === "keypoints";
@@ -128,5 +140,6 @@ export function unread(entry) {
     content.extraction.stop("idle");
     content.encoder.free();
   } else if (content && "table" in content) content.table.free();
+  else if (content?.kind === "camera") content.camera.free();
   entry.parsed = { state: "new" };
 }

@@ -1,10 +1,11 @@
 // @ts-check
 /** The files taken: images, what they lie in, and all others with what was read from them. */
 
-import { KeypointTable, GroundTruthTable } from "../pkg/index.js";
+import { Camera, KeypointTable, GroundTruthTable } from "../pkg/index.js";
 import { reasonOf } from "../errors.js";
 import { Extraction } from "../extraction/extraction.js";
 import { settingsText } from "./model-settings.js";
+import { arraysOf } from "./containers/npz.js";
 import { contentOf, extractionOf, isTableRole, tableOf, unread } from "./entry.js";
 import { SavedEvaluation } from "./saved.js";
 import { blobOf, bytesOf, readError } from "./sources.js";
@@ -180,6 +181,25 @@ export class Library {
     unread(entry);
   }
 
+  /** Whether a table was not read because its points have three coordinates. */
+  get isInSpace() {
+    return this.entries.some(
+      ({ parsed }) => parsed.state === "broken" && parsed.cause?.type === "inSpace",
+    );
+  }
+
+  /** Forgets what was read from all tables, for another part of the package to read it. */
+  async reopenAll() {
+    for (const entry of this.entries) {
+      if (!isTableRole(entry) && entry.taken.role !== "camera") continue;
+      entry.wanted ||= entry.parsed.state === "used";
+      this.reopen(entry);
+      if (!entry.arrays) continue;
+      entry.arrays.free();
+      entry.arrays = await arraysOf(entry.source);
+    }
+  }
+
   /**
    * The file that is used as this.
    * @param {Slot} role
@@ -274,6 +294,8 @@ export class Library {
         const encoder = await this.#extractor.open(given);
         return { kind: role, encoder, extraction: new Extraction(encoder) };
       }
+      case "camera":
+        return { kind: role, camera: Camera.parse(await bytesOf(source), path) };
       case "result":
         return { kind: role, saved: await SavedEvaluation.parse(source) };
       case "keypoints":

@@ -274,6 +274,10 @@ function describe(entry) {
       const { keypoints, frames } = content.table;
       return `${count(keypoints, "keypoint")} in ${count(frames, "frame")}`;
     }
+    case "camera": {
+      const [width, height] = content.camera.imageSize;
+      return `its images have ${width} × ${height} px`;
+    }
     case "result": {
       const { tc, objects, errors, frames, version } = content.saved.evaluation;
       return (

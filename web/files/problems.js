@@ -40,11 +40,11 @@ export class Problems extends EventTarget {
   }
 
   /**
-   * Reports a choice between files, unless the user has dismissed it.
+   * Reports something about the choice of files, unless the user has dismissed it.
    * @param {string} key
    * @param {Problem["kind"]} kind
    * @param {string} text
-   * @param {Action} action
+   * @param {Action} [action]
    */
   offer(key, kind, text, action) {
     if (!this.#dismissed.has(text)) this.report(key, kind, text, action);

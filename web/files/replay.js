@@ -6,6 +6,7 @@
 
 import { version } from "../pkg/index.js";
 import { baseName } from "../ui/format.js";
+import { tableOf } from "./entry.js";
 import { blobOf } from "./sources.js";
 import { thumbnail } from "./thumbnail.js";
 
@@ -17,7 +18,7 @@ import { thumbnail } from "./thumbnail.js";
  *
  * What the archive says beside its files. `config` is that of the encoder whose latent space the
  * keypoints are in.
- * @typedef {{ schema: string, version: string, transform: string, rank: string, thresholds:
+ * @typedef {{ schema: string, version: string, transform: string, rank: string | null, thresholds:
  * Record<string, number>, minConfidence?: MinConfidence, imageSize: [number, number] | null, config: string | null, truth:
  * TableOptions, keypoints: TableOptions }} Replay
  */
@@ -40,6 +41,7 @@ export async function replayOf(session, onProgress, signal) {
   const { score, library, table } = session;
   const truth = library.used("ground-truth");
   const keypoints = library.used("keypoints");
+  const camera = library.used("camera");
   if (!score.points || !table || !truth) throw new Error("there is no score to be saved");
   const { transform, rank, thresholds } = score.options;
   const config = keypoints ? null : (session.encoder?.info.config ?? null);
@@ -59,6 +61,7 @@ export async function replayOf(session, onProgress, signal) {
     { path: REPLAY, blob: text },
     { path: baseName(truth.source.path), blob: await blobOf(truth.source) },
     { path: "keypoints.csv", blob: new Blob([table.toCsv()]) },
+    ...(camera ? [{ path: baseName(camera.path), blob: await blobOf(camera.source) }] : []),
     ...(await imagesOf(session, onProgress, signal)),
   ];
   const { zipOf } = await import("./containers/zip-writer.js");
@@ -70,10 +73,16 @@ export async function replayOf(session, onProgress, signal) {
  * @param {import("./entry.js").Entry} entry
  * @returns {TableOptions}
  */
-function readingOf({ parsed }) {
-  if (!("content" in parsed) || !("table" in parsed.content)) return {};
-  const { space, axisOrder, indexBase } = parsed.content.table.reading;
-  return { space: space.value, axisOrder: axisOrder.value, indexBase: indexBase.value };
+function readingOf(entry) {
+  const table = tableOf(entry);
+  if (!table) return {};
+  const { space, axisOrder, indexBase } = table.reading;
+  return {
+    // Positions in space have the unit of their file.
+    ...(table.axes === 2 ? { space: space.value } : {}),
+    ...(entry.options.xyOnly ? { xyOnly: true } : {}),
+    ...{ axisOrder: axisOrder.value, indexBase: indexBase.value },
+  };
 }
 
 /**

@@ -10,11 +10,14 @@ import { objectColor } from "../ui/palette.js";
  * @typedef {import("../pkg/index.js").ObjectEvaluation} ObjectEvaluation
  */
 
-/** The gauge of a card is logarithmic between these errors. */
+/** The gauge of a card is logarithmic between these errors; in space, these shares of the threshold. */
 const GAUGE = {
-  from: 1e-4,
-  to: 1,
-  title: "The error from 0.0001 to 1, with the threshold and the second best keypoint",
+  image: { from: 1e-4, to: 1, title: "The error from 0.0001 to 1" },
+  space: {
+    from: 1e-2,
+    to: 1e2,
+    title: "The error from a hundredth to a hundred times the threshold",
+  },
 };
 
 /**
@@ -27,7 +30,7 @@ export function card(session, object) {
   const verdict = h("p", { class: "verdict" });
   const numbers = numbersView(session, object);
   const interval = h("p", { class: "error-interval" });
-  const gauge = gaugeView();
+  const gauge = gaugeView(score.isInSpace);
   const facts = h("dl");
   const map = h("div", { class: "map" });
   const mapDetails = h("details", { class: "map-details" }, h("summary", {}, "Fitted map"), map);
@@ -244,20 +247,25 @@ function backToBest(session, object) {
   );
 }
 
-/** A map as two equations. @param {NonNullable<ObjectEvaluation["map"]>} map */
+/**
+ * A map as an equation a coordinate.
+ * @param {NonNullable<ObjectEvaluation["map"]>} map
+ */
 function equations({ a, b }) {
   const part = (/** @type {number} */ value) => Math.abs(value).toFixed(3);
   const sign = (/** @type {number} */ value) => (value < 0 ? "−" : "+");
-  const rows = ["x", "y"].map((axis, i) => {
-    const [u, v] = a[i];
-    return (
-      `${axis} = ${u < 0 ? "−" : ""}${part(u)} u ${sign(v)} ${part(v)} v ${sign(b[i])} ` +
-      `${part(b[i])}`
-    );
+  const rows = a.map((factors, i) => {
+    const terms = factors.map((factor, j) => `${sign(factor)} ${part(factor)} ${"uvw"[j]}`);
+    const sum = [...terms, `${sign(b[i])} ${part(b[i])}`].join(" ");
+    return `${"xyz"[i]} = ${sum.replace(/^\+ /, "").replace(/^− /, "−")}`;
   });
+  const [keypoint, object] = [a[0].length, a.length];
+  const units = keypoint === 2 && object === 2 ? "both in ndc" : "in the units of their tables";
+  const [of, to] = ["uvw".slice(0, keypoint), "xyz".slice(0, object)];
+  const names = [of, to].map((letters) => `(${[...letters].join(", ")})`);
   return [
     ...rows.map((row) => h("p", {}, h("code", {}, row))),
-    h("p", { class: "hint-line" }, "(u, v) is the keypoint, (x, y) the object, both in ndc"),
+    h("p", { class: "hint-line" }, `${names[0]} is the keypoint, ${names[1]} the object, ${units}`),
   ];
 }
 
@@ -317,8 +325,12 @@ function thresholdField(session, object) {
   return { element, update };
 }
 
-/** An error against its threshold on a logarithmic scale. */
-function gaugeView() {
+/**
+ * An error against its threshold on a logarithmic scale.
+ * @param {boolean} isInSpace whether the scale goes with the threshold
+ */
+function gaugeView(isInSpace) {
+  const { from, to, title } = isInSpace ? GAUGE.space : GAUGE.image;
   const svg = "http://www.w3.org/2000/svg";
   const make = (/** @type {string} */ tag, /** @type {Record<string, string>} */ attributes) => {
     const element = document.createElementNS(svg, tag);
@@ -341,11 +353,8 @@ function gaugeView() {
     tick,
   );
 
-  const position = (/** @type {number} */ error) => {
-    const share = Math.log(error / GAUGE.from) / Math.log(GAUGE.to / GAUGE.from);
-    return 100 * Math.min(1, Math.max(0, share));
-  };
-  const element = h("div", { class: "gauge-frame", "aria-hidden": "true", title: GAUGE.title }, root);
+  const hint = `${title}, with the threshold and the second best keypoint`;
+  const element = h("div", { class: "gauge-frame", "aria-hidden": "true", title: hint }, root);
   /**
    * @param {number | null} error
    * @param {number} threshold
@@ -353,6 +362,10 @@ function gaugeView() {
    * @param {number | null} runnerUp the error of the second best keypoint
    */
   const update = (error, threshold, tracked, runnerUp) => {
+    const position = (/** @type {number} */ value) => {
+      const share = Math.log(value / (isInSpace ? threshold : 1) / from) / Math.log(to / from);
+      return 100 * Math.min(1, Math.max(0, share));
+    };
     element.dataset.tracked = String(tracked);
     // An error of exactly 0 still shows.
     bar.setAttribute("width", error === null ? "0" : String(Math.max(1, position(error))));

@@ -57,14 +57,15 @@ export function exportView(session) {
         save("keypoints.csv", "text/csv", session.table?.toCsv() ?? ""),
       ),
   ];
-  const video = session.score.scoring && videoButton(session);
+  const { isInSpace, scoring } = session.score;
+  const video = scoring && !isInSpace && videoButton(session);
   const repeat = repeatView(session);
   const element = h(
     "section",
     { class: "panel taking", "aria-labelledby": "taking-title" },
     h("h3", { id: "taking-title" }, "Export"),
-    h("div", { class: "downloads" }, ...downloads, video?.button),
-    video?.problem,
+    h("div", { class: "downloads" }, ...downloads, video && video.button),
+    video && video.problem,
     h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
     paperView(session),
     shareView(session),

@@ -98,10 +98,12 @@ function partsOf(session) {
   const matrix = matrixView(session);
   const capability = capabilityView(session);
   const sequences = new SequencesView(session);
-  const trajectories = session.score.scoring ? trajectoriesView(session) : null;
+  const { isInImage, isInSpace, scoring } = session.score;
+  const trajectories = scoring && !isInSpace ? trajectoriesView(session) : null;
   const confidence = confidenceView(session);
-  const temporal = temporalView(session);
-  const context = contextView(session);
+  // They are of points in the image.
+  const temporal = isInImage ? temporalView(session) : null;
+  const context = isInImage ? contextView(session) : null;
   const taking = exportView(session);
   const tabs = [matrix, trajectories, capability, confidence, sequences, temporal, context, taking];
   const isThere = (/** @type {View | null} */ view) => view !== null;

@@ -100,9 +100,10 @@ export class SequencesView {
     );
     fill(this.#frameList, ...frames.map((worst) => frameItem(session, worst)));
     this.#sequencePart.hidden = errors.length < 2;
+    const unit = score.isInSpace ? "" : " (ndc)";
     this.#hint.textContent =
       errors.length < 2
-        ? `With keypoint ${keypoint}; the squared distance (ndc) in the worst frames.`
+        ? `With keypoint ${keypoint}; the squared distance${unit} in the worst frames.`
         : `With keypoint ${keypoint}, in ${count(errors.length, "sequence")}, the worst one ` +
           "first; dashed: the threshold. " +
           (score.scoring ? "Choose one to see its worst frame." : "");

@@ -85,7 +85,8 @@ export function summaryView(session) {
         ),
     ),
     savedNotice(session),
-    session.origin?.note && h("p", { class: "origin hint-line", title: session.origin.note }, session.origin.note),
+    session.origin?.note &&
+      h("p", { class: "origin hint-line", title: session.origin.note }, session.origin.note),
   );
   return { element, warnings, update };
 }
@@ -107,9 +108,15 @@ function warningsView(texts) {
  * @param {Session} session
  */
 function numbersView({ score }) {
-  const spans = (/** @type {string[]} */ ...names) => names.map((name) => h("span", { class: name }));
+  const spans = (/** @type {string[]} */ ...names) =>
+    names.map((name) => h("span", { class: name }));
   const [firstLabel, value] = spans("tc-label", "tc-value");
-  const [label, colon, beside, known] = spans("tc-label", "visually-hidden", "tc-beside", "tc-known");
+  const [label, colon, beside, known] = spans(
+    "tc-label",
+    "visually-hidden",
+    "tc-beside",
+    "tc-known",
+  );
   const share = h("p", { class: "tc-share" });
   const first = h("p", { class: "tc-number" }, firstLabel, value);
   const other = h("p", { class: "tc-number", id: "tc-interval" }, label, colon, beside, known);
@@ -182,8 +189,10 @@ function describeProtocol(session, evaluation) {
     evaluation.transform === "identity"
       ? `Keypoints are scored as they are, without a fitted map, on ${frames}.`
       : map,
-    "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 " +
-      "across the image).",
+    session.score.isInSpace
+      ? "The tracking error e is the mean squared distance in the squared unit of the ground truth."
+      : "The tracking error e is the mean squared distance in image coordinates (ndc: −1 to +1 " +
+        "across the image).",
     size && `Pixels are those of images of ${size[0]}\u00a0×\u00a0${size[1]}.`,
     evaluation.excluded > 0 &&
       `${count(evaluation.excluded, "frame")} left out: a keypoint is missing or not finite.`,
@@ -229,7 +238,7 @@ function rankSelect(session) {
         session.score.setOptions({ rank: /** @type {Evaluation["rank"]} */ (select.value) }),
     },
     ...RANKS.map(([rank, label]) =>
-      h("option", { value: rank, selected: session.score.options.rank === rank }, label),
+      h("option", { value: rank, selected: session.score.evaluation?.rank === rank }, label),
     ),
   );
   return h(

@@ -22,7 +22,7 @@ const QUALITY = 0.8;
  */
 export async function filmOf({ score }) {
   const range = score.sequenceOf(score.selection.frame);
-  if (!score.scoring || !score.hasPictures || !range) return null;
+  if (!score.scoring || !score.hasPictures || score.isInSpace || !range) return null;
   const length = Math.min(range.length, MOST_FRAMES);
   const frames = Array.from({ length }, (_, i) => range.start + i);
   const numbers = frames.map((frame) => score.frameNumbers[frame]);

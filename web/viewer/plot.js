@@ -24,7 +24,7 @@ const NARROW = 400;
 
 export class PlotView {
   #session;
-  #quantity;
+  quantity;
   #time;
   /** @type {{ plot: Plot, area: PlotArea, scale: number } | null} */
   #shown = null;
@@ -41,7 +41,7 @@ export class PlotView {
    */
   constructor(session, quantity, time, onTime) {
     this.#session = session;
-    this.#quantity = quantity;
+    this.quantity = quantity;
     this.#time = time;
     this.canvas = h("canvas", { class: "plot", role: "img", data: { quantity } });
     this.element = h(
@@ -68,7 +68,7 @@ export class PlotView {
     const fontSize = Math.round(
       (clientWidth < NARROW ? FONT_SIZE.narrow : FONT_SIZE.usual) * scale,
     );
-    const plot = describe(this.#session, this.#quantity, colors, fontSize, this.#time);
+    const plot = describe(this.#session, this.quantity, colors, fontSize, this.#time);
     const [width, height] = [clientWidth, clientHeight].map((side) => Math.round(side * scale));
     if (canvas.width !== width || canvas.height !== height)
       Object.assign(canvas, { width, height });
@@ -105,7 +105,7 @@ export class PlotView {
     this.#cursor.style.height = `${(area.bottom - area.top) / scale}px`;
     this.canvas.dataset.cursor = String(x);
     const values = valuesAt(plot, position);
-    const told = this.#quantity === "error" ? values.slice(0, 1) : values;
+    const told = this.quantity === "error" ? values.slice(0, 1) : values;
     fill(this.#readout, ...told.map(valueView));
   }
 
@@ -118,7 +118,7 @@ export class PlotView {
   }
 
   #saveButtons() {
-    const quantity = this.#quantity;
+    const quantity = this.quantity;
     return /** @type {const} */ (["svg", "png"]).map((format) =>
       h(
         "button",

@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * x(t), y(t) and the error over a sequence: drawn by plotters onto canvases that follow and move
+ * x(t), y(t), in space z(t), and the error over a sequence: drawn by plotters onto canvases that follow and move
  * the frame.
  */
 
@@ -18,7 +18,7 @@ import { axisOf } from "./trajectory.js";
  */
 
 /** @type {Quantity[]} */
-const QUANTITIES = ["x", "y", "error"];
+const QUANTITIES = ["x", "y", "z", "error"];
 /** A longer axis can be zoomed. */
 const LEAST_TO_ZOOM = 5;
 /** @type {(keyof Colors)[]} */
@@ -60,7 +60,11 @@ export function plots(session) {
       return;
     }
     const colors = schemeColors();
-    for (const view of views) view.draw(colors);
+    const { isInSpace } = session.score;
+    for (const view of views) {
+      view.element.hidden = view.quantity === "z" && !isInSpace;
+      view.draw(colors);
+    }
   };
   const schedule = () => {
     if (scheduled) return;

@@ -232,13 +232,15 @@ function describe(session) {
     `Frame ${session.score.frameNumbers[frame]} of sequence ` +
     `${session.score.sequenceOf(frame)?.name}`;
   if (!series || session.score.keypointOf(object) === null) return where;
-  const point = (/** @type {Float64Array} */ points) => {
-    const [x, y] = points.subarray(2 * frame, 2 * frame + 2);
-    return Number.isNaN(x) ? "not visible" : `at x ${fixed(x)}, y ${fixed(y)}`;
+  const [ofKeypoint, ofObject] = session.score.axes;
+  const point = (/** @type {Float64Array} */ points, axes = ofObject) => {
+    const at = Array.from(points.subarray(axes * frame, axes * (frame + 1)));
+    if (at.some(Number.isNaN)) return "not visible";
+    return `at ${at.map((value, i) => `${"xyz"[i]} ${fixed(value)}`).join(", ")}`;
   };
   return (
     `${where}: ${session.score.objects[object]} ${point(series.truth)}, keypoint ` +
-    `${session.score.keypointOf(object)} ${point(series.keypoint)}, transformed ` +
+    `${session.score.keypointOf(object)} ${point(series.keypoint, ofKeypoint)}, transformed ` +
     `${point(series.transformed)}`
   );
 }

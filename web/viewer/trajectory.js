@@ -1,11 +1,11 @@
 // @ts-check
-/** What a plot of x(t), y(t) or the error over a sequence shows. */
+/** What a plot of x(t), y(t), z(t) or the error over a sequence shows. */
 
 /**
  * @typedef {import("../session.js").Session} Session
  * @typedef {import("../score.js").Score} Score
  * @typedef {import("../pkg/index.js").LineFigure} LineFigure
- * @typedef {"x" | "y" | "error"} Quantity
+ * @typedef {"x" | "y" | "z" | "error"} Quantity
  * @typedef {Record<"truth" | "keypoint" | "transformed" | "error" | "foreground" | "background" |
  * "grid", string>} Colors
  *
@@ -16,6 +16,8 @@
  * @typedef {{ figure: LineFigure, at: number[], from: number, marks: (keyof Colors)[] }} Plot
  */
 
+/** @type {readonly Quantity[]} */
+const COORDINATES = ["x", "y", "z"];
 /** Frame numbers further apart than this many times their count are drawn one after the other. */
 const MAX_STRETCH = 20;
 
@@ -49,7 +51,7 @@ export function describe(session, quantity, colors, fontSize, time) {
   const figure = {
     title: isError ? "squared distance" : `${quantity} of ${objectName(session)}`,
     xLabel: "frame",
-    yLabel: isError ? "e (ndc²)" : `${quantity} (ndc)`,
+    yLabel: yLabelOf(score, quantity),
     start: start + from,
     series,
     cursor: at[frame - sequence.start] - from,
@@ -60,6 +62,15 @@ export function describe(session, quantity, colors, fontSize, time) {
     fontSize,
   };
   return { figure, at, from, marks: lines.map(({ mark }) => mark) };
+}
+
+/**
+ * @param {Score} score
+ * @param {Quantity} quantity
+ */
+function yLabelOf(score, quantity) {
+  if (quantity === "error") return score.isInSpace ? "e (squared unit)" : "e (ndc²)";
+  return score.isInSpace ? quantity : `${quantity} (ndc)`;
 }
 
 /**
@@ -80,26 +91,32 @@ function errorLines(score) {
 }
 
 /**
- * A coordinate of the keypoint, where there is one, of the truth and of the mapped keypoint.
+ * A coordinate of the keypoint, where there is one like the object's, of the truth and of the mapped
+ * keypoint; null where they have no such coordinate.
  * @param {Score} score
- * @param {"x" | "y"} quantity
+ * @param {Exclude<Quantity, "error">} quantity
  * @returns {Line[] | null}
  */
 function pathLines(score, quantity) {
   const { object } = score.selection;
   const series = score.series(object);
-  if (!series) return null;
-  const axis = quantity === "y" ? 1 : 0;
+  const axis = COORDINATES.indexOf(quantity);
+  const [ofKeypoint, ofObject] = score.axes;
+  if (!series || axis >= ofObject) return null;
   const of = (/** @type {Float64Array} */ points) => (/** @type {number} */ t) =>
-    points[2 * t + axis];
+    points[ofObject * t + axis];
   const keypoint = score.keypointOf(object);
   /** @type {Line} */
   const truth = { label: "truth", mark: "truth", value: of(series.truth) };
   if (keypoint === null) return [truth];
+  /** @type {Line} */
+  const mapped = { label: "transformed", mark: "transformed", value: of(series.transformed) };
+  // In the image and in space no axis is common.
+  if (ofKeypoint !== ofObject) return [truth, mapped];
   return [
     { label: `keypoint ${keypoint}`, mark: "keypoint", value: of(series.keypoint) },
     truth,
-    { label: "transformed", mark: "transformed", value: of(series.transformed) },
+    mapped,
   ];
 }
 

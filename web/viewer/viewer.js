@@ -30,6 +30,9 @@ const KEYS = [
   ["+ − 0", "zoom in, zoom out, all of the image"],
   ["W A S D", "move the zoomed image"],
 ];
+const IN_SPACE =
+  "The ground truth is in space: its coordinates are plotted. A camera (camera.json) puts it into " +
+  "the frames.";
 const WHEEL = "The wheel zooms once the image was clicked. A click selects a keypoint.";
 
 /** @param {Session} session */
@@ -38,6 +41,7 @@ export function showViewer(session) {
   const { score } = session;
   const look = loadLook();
   const note = h("p", { class: "viewer-note" });
+  const inSpace = h("p", { class: "viewer-note" }, IN_SPACE);
   const problem = h("p", { class: "viewer-note", role: "status" });
   const view = new Stage(session, look, (message) => (problem.textContent = message));
   const moving = transport(
@@ -59,9 +63,11 @@ export function showViewer(session) {
   });
   const trails = h("label", { class: "field" }, h("span", {}, "Trails"), trailSelect(look, redraw));
   const tools = h("div", { class: "viewer-tools" }, trails, moving.speedField);
-  const frames = [view.element, moving.element, layers.element, problem, sequences.element];
+  const shown = [view.element, inSpace, moving.element, layers.element];
+  const frames = [...shown, problem, sequences.element];
   const beside = besideView(session, picking.elements);
-  fill(place, framesView(view.gesture, frames, [tools, note]), beside);
+  const zoom = zoomView(view.gesture);
+  fill(place, framesView(zoom, frames, [tools, note]), beside);
   listenToKeys(place, (event) => player.key(event) || view.gesture.key(event.key));
 
   const showSelection = () => {
@@ -77,6 +83,10 @@ export function showViewer(session) {
     picking.updateKeypoints();
     layers.update(score.objects[object] ?? "object", score.keypointOf(object), objectColor(object));
     note.textContent = placingNote(session);
+    inSpace.hidden = !score.isInSpace;
+    // Nothing of space is seen on an empty plate.
+    const isEmpty = score.isInSpace && !score.hasPictures;
+    for (const part of [view.element, layers.element, zoom]) part.hidden = isEmpty;
   };
   const open = opener(session, player);
   score.addEventListener("preview", () => {
@@ -95,15 +105,22 @@ export function showViewer(session) {
 }
 
 /**
- * @param {Stage["gesture"]} gesture
+ * @param {HTMLElement} zoom
  * @param {HTMLElement[]} frames
  * @param {HTMLElement[]} tools
  */
-function framesView(gesture, frames, tools) {
+function framesView(zoom, frames, tools) {
   const title = h("h2", { id: "viewer-title" }, "Frames");
-  const head = h("div", { class: "viewer-head" }, title, zoomView(gesture));
+  const head = h("div", { class: "viewer-head" }, title, zoom);
   const summary = h("summary", {}, "Trails, speed, keys");
-  const more = h("details", { class: "keys" }, summary, ...tools, keysView(KEYS), h("p", {}, WHEEL));
+  const more = h(
+    "details",
+    { class: "keys" },
+    summary,
+    ...tools,
+    keysView(KEYS),
+    h("p", {}, WHEEL),
+  );
   return h("div", { class: "panel viewer-stage" }, head, ...frames, more);
 }
 
@@ -179,6 +196,7 @@ function placingNote({ score }) {
   if (score.keypointOf(score.selection.object) === null) {
     return "This object is visible in no frame, so no keypoint is fitted to it.";
   }
+  if (score.axes[0] === 3) return "Keypoints in space are drawn where the map puts them.";
   return score.placesKeypoints
     ? "Keypoints are drawn where the grid of the encoder places them in the image."
     : "Keypoints are drawn as given, taken as image coordinates (ndc).";

@@ -20,10 +20,16 @@ use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes
 /// it.
-pub const PARTS: [Part; 9] = [
+pub const PARTS: [Part; 10] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
+        profile: "wasm",
+        aim: Aim::LeastSize,
+    },
+    Part {
+        name: "tracklens_space",
+        feature: "web-space",
         profile: "wasm",
         aim: Aim::LeastSize,
     },

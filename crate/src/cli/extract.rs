@@ -138,15 +138,21 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     if let Some(path) = &arguments.keypoints_out {
         atomic::check(path)?;
     }
+    let camera = arguments.scoring.camera()?;
     let extracted = source.extract(&*frames)?;
     if let Some(path) = &arguments.keypoints_out {
         atomic::write(path, keypoints_csv(&extracted.track).as_bytes())?;
     }
     arguments.scoring.score(
         &truth,
+        camera.as_ref(),
         &extracted.track,
         &Reading::of_extraction(),
-        source.reading.image_size.or(extracted.image_size),
+        source
+            .reading
+            .image_size
+            .or(extracted.image_size)
+            .or(camera.as_ref().map(|camera| camera.image_size)),
         Some(&*frames),
     )
 }

@@ -498,18 +498,20 @@ pub(super) struct KeypointsReading {
     keypoints_zero_is_missing: bool,
 }
 
-/// Reads keypoints: a table, or the points of an NPZ file.
+/// Reads keypoints: a table, or the points of an NPZ file. `image_size` is that of the images, where
+/// it is known.
 pub(super) fn read_keypoints(
     path: &Path,
     arguments: &TruthArguments,
     reading: &KeypointsReading,
+    image_size: Option<[u32; 2]>,
 ) -> Result<Parsed<KeypointTrack>> {
     let options = TableOptions {
         space: reading.keypoints_space,
         index_base: reading.keypoints_index_base,
         first_keypoint: reading.first_keypoint,
         axes: reading.keypoints_axis_order.or(arguments.axis_order),
-        image_size: arguments.image_size,
+        image_size,
         flip: reading.keypoints_flip,
         zero_is_missing: reading.keypoints_zero_is_missing.then_some(true),
         xy_only: arguments.xy_only,

@@ -29,9 +29,10 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
         }
         Reason::KeypointsFromOne => "`--first-keypoint 1` counts the keypoints from 1",
         Reason::AssumedAxisOrder => "`--axis-order yx` reads (y, x)",
-        Reason::MissingPoints { .. } | Reason::LooksLikeFractions | Reason::NoFrames => {
-            return None;
-        }
+        Reason::MissingPoints { .. }
+        | Reason::LooksLikeFractions
+        | Reason::InSpace
+        | Reason::NoFrames => return None,
     }))
 }
 

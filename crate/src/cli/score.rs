@@ -61,7 +61,7 @@ pub(super) struct ScoringArguments {
     rank: Option<Rank>,
     /// Camera as JSON (docs/formats.md): it projects a ground truth with three coordinates into its
     /// image, in which it is scored then
-    #[arg(long, value_name = "CAMERA.json")]
+    #[arg(long = command_line::CAMERA, value_name = "CAMERA.json")]
     camera: Option<PathBuf>,
     /// Frames in which a keypoint is missing: exclude-point (left out for that keypoint and counted),
     /// exclude-frame (left out for all) or error
@@ -165,16 +165,21 @@ pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
     let truth = arguments
         .reading
         .read(&arguments.truth, arguments.columns.as_ref())?;
+    let camera = arguments.scoring.camera()?;
+    let image_size = arguments.reading.image_size;
+    let image_size = image_size.or(camera.as_ref().map(|camera| camera.image_size));
     let keypoints = files::read_keypoints(
         &arguments.keypoints,
         &arguments.reading,
         &arguments.keypoints_reading,
+        image_size,
     )?;
     arguments.scoring.score(
         &truth,
+        camera.as_ref(),
         &keypoints.content,
         &keypoints.reading,
-        arguments.reading.image_size,
+        image_size,
         None,
     )
 }
@@ -188,14 +193,20 @@ impl ScoringArguments {
         self.report.as_deref().map_or(Ok(()), atomic::check)
     }
 
-    /// The ground truth as the camera sees it, where there is one.
-    fn projected(&self, truth: &Truth) -> Result<Option<(Camera, Projected)>> {
-        let Some(path) = &self.camera else {
-            return Ok(None);
-        };
-        let camera = Camera::parse(&read(path)?, &path.to_string_lossy())?;
+    /// The camera, where there is one.
+    ///
+    /// # Errors
+    /// When its file is not that of a camera.
+    pub fn camera(&self) -> Result<Option<Camera>> {
+        let parse = |path: &PathBuf| Camera::parse(&read(path)?, &path.to_string_lossy());
+        self.camera.as_ref().map(parse).transpose()
+    }
+
+    /// The ground truth as the camera sees it.
+    fn projected(&self, truth: &Truth, camera: &Camera) -> Result<Projected> {
+        let path = self.camera.as_deref().unwrap_or(Path::new(""));
         let projected = camera.project(&truth.points);
-        Ok(Some((camera, projected.map_err(|e| e.at(path.display()))?)))
+        projected.map_err(|e| e.at(path.display()))
     }
 
     /// `axes` is the number of coordinates of a keypoint.
@@ -219,11 +230,12 @@ impl ScoringArguments {
         })
     }
 
-    /// Scores and prints. `image_size` is the size of the images, where it is known; `frames` are
-    /// shown in the report.
+    /// Scores and prints. `camera` puts the ground truth into the image, where it is in space;
+    /// `image_size` is the size of the images, where it is known; `frames` are shown in the report.
     pub fn score(
         &self,
         truth: &Truth,
+        camera: Option<&Camera>,
         keypoints: &KeypointTrack,
         keypoints_reading: &Reading,
         image_size: Option<[u32; 2]>,
@@ -237,10 +249,11 @@ impl ScoringArguments {
             least: MinConfidence::new(self.min_confidence, self.truth_min_confidence)?,
             alignment,
         };
-        let projected = self.projected(truth)?;
-        let camera = projected.as_ref();
-        let points = camera.map_or(&truth.points, |(_, image)| &image.truth);
-        let image_size = image_size.or(camera.map(|(camera, _)| camera.image_size));
+        let projected = camera.map(|camera| self.projected(truth, camera));
+        let projected = projected.transpose()?;
+        let points = projected
+            .as_ref()
+            .map_or(&truth.points, |image| &image.truth);
         let sides = Sides {
             truth: points,
             // What a camera projects is no longer what the file says.
@@ -254,8 +267,8 @@ impl ScoringArguments {
             join,
             mut report,
         } = sides.score(&request, matching, self.non_finite)?;
-        if let Some((_, image)) = camera {
-            report.take_camera(image);
+        if let Some(image) = &projected {
+            report.take_camera(image.into());
         }
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {

@@ -152,12 +152,16 @@ impl Points {
         let arrangement = Arrangement::of(file, name)?;
         let sizes = arrangement.sizes(&info.shape);
         let ([sequences, frames, points], axes_in_file) = sizes.ok_or_else(|| {
-            Error::input(format!(
+            let error = Error::input(format!(
                 "`{name}` ({}) has shape {:?}; expected {}",
                 info.dtype,
                 info.shape,
                 arrangement.expected()
-            ))
+            ));
+            match info.shape.last() {
+                Some(3) if MOST_AXES == 2 => error.because(Reason::InSpace),
+                _ => error,
+            }
         })?;
         let size = |n: u64| count(n, name, &info.shape);
         let (sequences, frames, points) = (size(sequences)?, size(frames)?, size(points)?);

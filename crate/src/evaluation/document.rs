@@ -120,6 +120,16 @@ pub struct CameraReport {
     pub behind: u64,
 }
 
+#[cfg(feature = "space")]
+impl From<&Projected> for CameraReport {
+    fn from(image: &Projected) -> Self {
+        Self {
+            projected: image.projected,
+            behind: image.behind,
+        }
+    }
+}
+
 /// Points that are not sure, and the TC as a function of how sure keypoints have to be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -519,12 +529,7 @@ impl EvaluationReport {
     }
 
     /// Takes up that a camera put the ground truth into the image.
-    #[cfg(feature = "space")]
-    pub fn take_camera(&mut self, image: &Projected) {
-        let camera = CameraReport {
-            projected: image.projected,
-            behind: image.behind,
-        };
+    pub fn take_camera(&mut self, camera: CameraReport) {
         if camera.behind > 0 {
             self.warnings.push(format!(
                 "{} of {} positions lie behind the camera and count as not visible",

@@ -3,14 +3,13 @@
 use serde::Deserialize;
 
 use crate::command_line::{
-    BOOTSTRAP, CONTEXT, FOLDS, IMAGE_SIZE, KEYPOINTS, MIN_CONFIDENCE, NON_FINITE, RANK,
+    BOOTSTRAP, CAMERA, CONTEXT, FOLDS, IMAGE_SIZE, KEYPOINTS, MIN_CONFIDENCE, NON_FINITE, RANK,
     RESAMPLING_SEED, SEQUENCES, SHIFT_FRAMES, SHIFT_SEQUENCES, TEMPORAL, THRESHOLD, TRANSFORM,
     TRUTH, TRUTH_MIN_CONFIDENCE, shell_line,
 };
-use crate::data::Alignment;
 use crate::error::Result;
-use crate::evaluation::{MinConfidence, Request};
-use crate::metric::{NonFinite, Settings};
+use crate::evaluation::{Matching, Request};
+use crate::metric::{NonFinite, Rank, Settings};
 
 /// The files of an evaluation, as a command names them.
 #[derive(Default, Deserialize)]
@@ -22,26 +21,35 @@ pub(super) struct Inputs {
     checkpoint: Option<String>,
     /// A folder of frames, or a recording.
     frames: Option<String>,
+    /// The file of the camera that puts the ground truth into the image.
+    camera: Option<String>,
     /// Options of reading, word by word, e.g. `--space`, `px`.
     options: Vec<String>,
 }
 
 impl Inputs {
     /// The fields in JavaScript.
-    pub const KEYS: [&str; 5] = ["truth", "keypoints", "checkpoint", "frames", "options"];
+    pub const KEYS: [&str; 6] = [
+        "truth",
+        "keypoints",
+        "checkpoint",
+        "frames",
+        "camera",
+        "options",
+    ];
 }
 
 /// The command that repeats `request` on `inputs`, quoted for a shell. Options that have their
-/// default are left out.
+/// default are left out; `axes` is the number of coordinates of a keypoint.
 ///
 /// # Errors
 /// When a shell has no way to write a name.
 pub(super) fn command(
     request: &Request,
+    axes: usize,
     inputs: &Inputs,
     policy: NonFinite,
-    least: MinConfidence,
-    alignment: Alignment,
+    Matching { least, alignment }: Matching,
 ) -> Result<String> {
     let mut words = vec!["tracklens".to_owned()];
     let option = |name: &str, value: &str| [format!("--{name}"), value.to_owned()];
@@ -63,6 +71,9 @@ pub(super) fn command(
         }
     }
     words.extend(inputs.options.iter().cloned());
+    if let Some(camera) = &inputs.camera {
+        words.extend(option(CAMERA, camera));
+    }
     let shifts = [
         (SHIFT_FRAMES, alignment.frames),
         (SHIFT_SEQUENCES, alignment.sequences),
@@ -70,7 +81,10 @@ pub(super) fn command(
     for (name, by) in shifts.into_iter().filter(|(_, by)| *by != 0) {
         words.extend(option(name, &by.to_string()));
     }
-    let default = Settings::default();
+    let default = Settings {
+        rank: Rank::of_axes(axes),
+        ..Settings::default()
+    };
     if request.settings.transform != default.transform {
         words.extend(option(TRANSFORM, request.settings.transform.name()));
     }

@@ -138,11 +138,9 @@ impl Arrays {
     pub fn ground_truth(&self, options: JsValue) -> JsResult<GroundTruthTable> {
         let options = table_options(options, "Arrays.groundTruth")?;
         let table = data::ground_truth_of_arrays(self.points(), &options);
-        Ok(GroundTruthTable {
-            name: self.name.clone(),
-            image_size: options.image_size,
-            table: table.map_err(|e| js_error(&e.at(&self.name)))?,
-        })
+        let table = table.map_err(|e| js_error(&e.at(&self.name)))?;
+        let name = self.name.clone();
+        Ok(GroundTruthTable::new(name, options.image_size, table))
     }
 
     /// The points as keypoints of a detector.

@@ -28,9 +28,9 @@ pub fn examine(
     let join = join_aligned(keypoints.keys(), truth.keys(), alignment).map_err(|e| js_error(&e))?;
     to_js(&doctor::examine(&Subject {
         truth: &truth,
-        truth_reading: Some(&truth_reading),
+        truth_reading: truth_reading.as_ref(),
         keypoints: &keypoints,
-        keypoints_reading: Some(&keypoints_reading),
+        keypoints_reading: keypoints_reading.as_ref(),
         join: &join,
         alignment,
         least,

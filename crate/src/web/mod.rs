@@ -1,11 +1,13 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
-//! scoring first, the doctor with the first ground truth, extraction in the workers, images with the
+//! scoring first, which a larger one takes the place of with the first points in space, the doctor with the first ground truth, extraction in the workers, images with the
 //! first JPEG or WebP image, formats with the first HDF5 file or pickle, detectors with the first ONNX
 //! model, measures over time when they are looked at, figures once there is something to draw, comparison with the first runs, extraction on the
 //! GPU where there is one. Objects of one part mean nothing to another one.
 
+#[cfg(feature = "web-space")]
+mod camera;
 #[cfg(feature = "web-scoring")]
 mod command;
 #[cfg(feature = "web-comparison")]

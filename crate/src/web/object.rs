@@ -16,7 +16,10 @@ pub(super) struct Head {
     pub names: Vec<String>,
     /// Of the images in pixels, where it was said.
     pub image_size: Option<[u32; 2]>,
-    pub reading: Reading,
+    /// How many coordinates a point has.
+    pub axes: usize,
+    /// `None` where a camera made the positions.
+    pub reading: Option<Reading>,
 }
 
 const HEAD: &str = "head";
@@ -24,7 +27,7 @@ const HEAD: &str = "head";
 const SEQUENCE: &str = "sequence";
 /// For each frame, its number in the sequence.
 const FRAME: &str = "frame";
-/// Frames x points x 2.
+/// Frames x points x 2, or 3 in space.
 const POINTS: &str = "points";
 /// Frames x points, where points say how sure they are.
 const CONFIDENCE: &str = "confidence";
@@ -45,7 +48,7 @@ pub(super) mod write {
         keys: &[FrameKey],
         points: &Array3<f64>,
         confidence: Option<&Array2<f64>>,
-        reading: &Reading,
+        reading: Option<&Reading>,
         (names, image_size): (&[String], Option<[u32; 2]>),
     ) -> JsResult<JsValue> {
         let mut sequences: Vec<String> = Vec::new();
@@ -63,7 +66,8 @@ pub(super) mod write {
             sequences,
             names: names.to_vec(),
             image_size,
-            reading: *reading,
+            axes: points.dim().2,
+            reading: reading.copied(),
         };
         let object = Object::new();
         let set = |name: &str, value: JsValue| Reflect::set(&object, &name.into(), &value);
@@ -164,8 +168,9 @@ pub(super) mod read {
                     })
                 });
             let keys = keys.collect::<Result<Vec<_>>>()?;
-            let count = self.points.len() / frames.max(1) / 2;
-            let points = Array3::from_shape_vec((frames, count, 2), self.points);
+            let axes = self.head.axes.max(1);
+            let count = self.points.len() / frames.max(1) / axes;
+            let points = Array3::from_shape_vec((frames, count, axes), self.points);
             let confidence = self
                 .confidence
                 .map(|numbers| Array2::from_shape_vec((frames, count), numbers))

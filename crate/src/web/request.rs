@@ -43,8 +43,8 @@ impl ScoreOptions {
     ];
 }
 
-/// The request that the options of `call` stand for.
-pub(super) fn request(options: JsValue, call: &str) -> JsResult<Request> {
+/// The request that the options of `call` stand for, of keypoints with `axes` coordinates.
+pub(super) fn request(options: JsValue, call: &str, axes: usize) -> JsResult<Request> {
     let what = format!("the options of {call}");
     let options: ScoreOptions = from_js(options, &what, &ScoreOptions::KEYS)?;
     let transform = options
@@ -57,7 +57,9 @@ pub(super) fn request(options: JsValue, call: &str) -> JsResult<Request> {
     Ok(Request {
         settings: Settings {
             transform: transform.map_err(|e| js_error(&e))?.unwrap_or_default(),
-            rank: rank.map_err(|e| js_error(&e))?.unwrap_or_default(),
+            rank: rank
+                .map_err(|e| js_error(&e))?
+                .unwrap_or(Rank::of_axes(axes)),
             ..Settings::default()
         },
         thresholds: thresholds.map_err(|e| js_error(&e))?,

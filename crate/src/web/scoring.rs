@@ -17,7 +17,7 @@ use super::tables::{GroundTruthTable, KeypointTable};
 use super::{JsResult, js_error, to_js};
 use crate::data;
 use crate::error::Error;
-use crate::evaluation::{self, IntervalsReport, Matching, MinConfidence};
+use crate::evaluation::{self, CameraReport, IntervalsReport, Matching, MinConfidence, Request};
 use crate::metric::{self, Moments, NonFinite};
 use crate::track::FrameKey;
 
@@ -26,6 +26,8 @@ use crate::track::FrameKey;
 pub struct Scoring {
     scoring: evaluation::Scoring,
     join: Joined,
+    /// What a camera did to the ground truth, where there is one.
+    camera: Option<CameraReport>,
     policy: NonFinite,
     least: MinConfidence,
     alignment: data::Alignment,
@@ -95,6 +97,7 @@ impl Scoring {
             .transpose();
         let policy = policy.map_err(|e| js_error(&e))?.unwrap_or_default();
         let alignment = matching::alignment(alignment)?;
+        let camera = truth.camera;
         let (truth, keypoints) = (&truth.table.content, &keypoints.table.content);
         let matching = Matching { least, alignment };
         let scoring = evaluation::Scoring::matched(truth, keypoints, policy, matching)
@@ -103,6 +106,7 @@ impl Scoring {
         Ok(Self {
             scoring,
             join,
+            camera,
             policy,
             least,
             alignment,
@@ -122,6 +126,12 @@ impl Scoring {
     #[wasm_bindgen(getter)]
     pub fn frames(&self) -> usize {
         self.scoring.keys().len()
+    }
+
+    /// The numbers of coordinates of a keypoint and of an object: 2 in the image, 3 in space.
+    #[wasm_bindgen(getter)]
+    pub fn axes(&self) -> Vec<usize> {
+        self.scoring.axes().to_vec()
     }
 
     /// The names of the objects.
@@ -180,9 +190,13 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood.
     pub fn evaluate(&self, options: JsValue) -> JsResult<JsValue> {
-        let request = request(options, "evaluate")?;
+        let request = self.request(options, "evaluate")?;
         let report = request.evaluate(&self.scoring, &self.join.report);
-        to_js(&report.map_err(|e| js_error(&e))?)
+        let mut report = report.map_err(|e| js_error(&e))?;
+        if let Some(camera) = self.camera {
+            report.take_camera(camera);
+        }
+        to_js(&report)
     }
 
     /// The start of a bootstrap over the sequences.
@@ -190,7 +204,7 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood.
     pub fn bootstrap(&self, options: JsValue) -> JsResult<Bootstrap> {
-        let request = request(options, "bootstrap")?;
+        let request = self.request(options, "bootstrap")?;
         let started =
             self.scoring
                 .start_bootstrap(request.seed, &request.thresholds, &request.settings);
@@ -214,7 +228,7 @@ impl Scoring {
         keypoint: usize,
         options: JsValue,
     ) -> JsResult<JsValue> {
-        let settings = request(options, "sequenceErrors")?.settings;
+        let settings = self.request(options, "sequenceErrors")?.settings;
         let errors = self.scoring.sequence_errors(object, keypoint, &settings);
         let errors: Vec<SequenceError> = errors
             .map_err(|e| js_error(&e))?
@@ -243,7 +257,7 @@ impl Scoring {
         keypoint: usize,
         options: JsValue,
     ) -> JsResult<Vec<f64>> {
-        let settings = request(options, "distances")?.settings;
+        let settings = self.request(options, "distances")?.settings;
         let distances = self.scoring.distances(object, keypoint, &settings);
         distances.map_err(|e| js_error(&e))
     }
@@ -253,13 +267,17 @@ impl Scoring {
     /// # Errors
     /// When an option is not understood, or a name cannot be written in a shell.
     pub fn command(&self, inputs: JsValue, options: JsValue) -> JsResult<String> {
-        let request = request(options, "command")?;
+        let request = self.request(options, "command")?;
         let inputs: Inputs = from_js(inputs, "the inputs of command", &Inputs::KEYS)?;
-        command(&request, &inputs, self.policy, self.least, self.alignment)
-            .map_err(|e| js_error(&e))
+        let matching = Matching {
+            least: self.least,
+            alignment: self.alignment,
+        };
+        let axes = self.scoring.axes()[0];
+        command(&request, axes, &inputs, self.policy, matching).map_err(|e| js_error(&e))
     }
 
-    /// The keypoints of a joined frame, N x 2.
+    /// The keypoints of a joined frame, N x 2, or N x 3 in space.
     ///
     /// # Errors
     /// When there is no such frame.
@@ -279,7 +297,7 @@ impl Scoring {
     /// # Errors
     /// When there is no such object or keypoint.
     pub fn series(&self, object: usize, keypoint: usize, options: JsValue) -> JsResult<JsValue> {
-        let settings = request(options, "series")?.settings;
+        let settings = self.request(options, "series")?.settings;
         let series = self
             .scoring
             .series(object, keypoint, &settings)
@@ -294,5 +312,9 @@ impl Scoring {
             Reflect::set(&out, &name.into(), &Float64Array::from(&flat[..]))?;
         }
         Ok(out.into())
+    }
+
+    fn request(&self, options: JsValue, call: &str) -> JsResult<Request> {
+        request(options, call, self.scoring.axes()[0])
     }
 }

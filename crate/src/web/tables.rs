@@ -10,6 +10,7 @@ use super::options::from_js;
 use super::{JsResult, js_error, to_js};
 use crate::data::{self, AxisOrder, Flip, Notice, Parsed, Reading, Space, TableOptions};
 use crate::error::Error;
+use crate::evaluation::CameraReport;
 use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Default, Deserialize)]
@@ -22,6 +23,7 @@ struct JsTableOptions {
     image_size: Option<[u32; 2]>,
     flip: Option<String>,
     zero_is_missing: Option<bool>,
+    xy_only: bool,
 }
 
 pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions> {
@@ -33,6 +35,7 @@ pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions
         "imageSize",
         "flip",
         "zeroIsMissing",
+        "xyOnly",
     ];
     let options: JsTableOptions = from_js(value, &format!("the options of {call}"), &keys)?;
     let space = options
@@ -54,7 +57,7 @@ pub(super) fn table_options(value: JsValue, call: &str) -> JsResult<TableOptions
         image_size: options.image_size,
         flip: flip.map_err(|e| js_error(&e))?,
         zero_is_missing: options.zero_is_missing,
-        xy_only: false,
+        xy_only: options.xy_only,
     })
 }
 
@@ -74,6 +77,8 @@ pub struct GroundTruthTable {
     /// Of the images, where it was said.
     pub(super) image_size: Option<[u32; 2]>,
     pub(super) table: Parsed<GroundTruth>,
+    /// What a camera did to it, where there is one.
+    pub(super) camera: Option<CameraReport>,
 }
 
 /// Keypoints over frames.
@@ -92,11 +97,7 @@ impl GroundTruthTable {
     pub fn parse(bytes: &[u8], name: String, options: JsValue) -> JsResult<GroundTruthTable> {
         let options = table_options(options, "GroundTruthTable.parse")?;
         let table = data::parse_ground_truth(bytes, &name, &options).map_err(|e| js_error(&e))?;
-        Ok(Self {
-            name,
-            image_size: options.image_size,
-            table,
-        })
+        Ok(Self::new(name, options.image_size, table))
     }
 
     /// The name of the file.
@@ -117,6 +118,12 @@ impl GroundTruthTable {
         self.table.content.keys().len()
     }
 
+    /// How many coordinates a position has: 2 in the image, 3 in space.
+    #[wasm_bindgen(getter)]
+    pub fn axes(&self) -> usize {
+        self.table.content.axes()
+    }
+
     /// The number of sequences.
     #[wasm_bindgen(getter)]
     pub fn sequences(&self) -> usize {
@@ -129,7 +136,9 @@ impl GroundTruthTable {
     /// When the translation to JavaScript fails.
     #[wasm_bindgen(js_name = toObject)]
     pub fn to_object(&self) -> JsResult<JsValue> {
-        let (truth, reading) = (&self.table.content, &self.table.reading);
+        let truth = &self.table.content;
+        // What a camera projects is no longer what the file says.
+        let reading = Some(&self.table.reading).filter(|_| self.camera.is_none());
         let named = (truth.names(), self.image_size);
         let (points, confidence) = (truth.points_ndc(), truth.confidence());
         object::write::table(truth.keys(), points, confidence, reading, named)
@@ -163,6 +172,21 @@ impl GroundTruthTable {
     #[wasm_bindgen(getter)]
     pub fn reasons(&self) -> JsResult<JsValue> {
         reasons_to_js(&self.table.notices)
+    }
+}
+
+impl GroundTruthTable {
+    pub(super) fn new(
+        name: String,
+        image_size: Option<[u32; 2]>,
+        table: Parsed<GroundTruth>,
+    ) -> Self {
+        Self {
+            name,
+            image_size,
+            table,
+            camera: None,
+        }
     }
 }
 
@@ -232,6 +256,12 @@ impl KeypointTable {
         self.table.content.keys().len()
     }
 
+    /// How many coordinates a keypoint has: 2 in the image, 3 in space.
+    #[wasm_bindgen(getter)]
+    pub fn axes(&self) -> usize {
+        self.table.content.axes()
+    }
+
     /// The table as a plain object, which other parts of the package read.
     ///
     /// # Errors
@@ -240,7 +270,7 @@ impl KeypointTable {
     pub fn to_object(&self) -> JsResult<JsValue> {
         let (track, reading) = (&self.table.content, &self.table.reading);
         let (points, confidence) = (track.points(), track.confidence());
-        object::write::table(track.keys(), points, confidence, reading, (&[], None))
+        object::write::table(track.keys(), points, confidence, Some(reading), (&[], None))
     }
 
     /// Whether the keypoints say how sure they are.

@@ -25,12 +25,12 @@ pub fn temporal_quality(
         least: matching::min_confidence(min_confidence)?,
         alignment: matching::alignment(alignment)?,
     };
-    let request = Request {
-        temporal: true,
-        ..request(options, "temporalQuality")?
-    };
     let truth = Table::from_js(truth)?.truth()?;
     let keypoints = Table::from_js(keypoints)?.keypoints()?;
+    let request = Request {
+        temporal: true,
+        ..request(options, "temporalQuality", keypoints.axes())?
+    };
     let scoring = Scoring::matched(&truth, &keypoints, NonFinite::default(), matching);
     let measured = scoring.and_then(|scoring| request.temporal(&scoring));
     to_js(&measured.map_err(|e| js_error(&e))?)

@@ -44,6 +44,15 @@ export async function openRecording(recording) {
 }
 
 /**
+ * The arrays of a recording, read again; `null` where it has become something else.
+ * @param {Source} recording
+ */
+export async function arraysOf(recording) {
+  const opened = await openRecording(recording);
+  return "arrays" in opened ? opened.arrays : null;
+}
+
+/**
  * @param {string} path
  * @param {Blob} file an NPZ file
  * @returns {Promise<Recording>}

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::rows::Raw;
 use crate::data::reading::TableOptions;
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::track::MOST_AXES;
 
 /// Whether the points of a table, each with its name and whether it has a z, are read in space.
@@ -25,8 +25,9 @@ pub fn are_in_space<'a>(
         _ if options.xy_only => Ok(false),
         (Some(with), _) if MOST_AXES == 2 => Err(Error::input(format!(
             "`{with}` has three coordinates, x, y and z; expected points in the image: project them with the camera \
-             first, delete the columns z to score x and y alone, or score them with tracklens on the terminal"
-        ))),
+             first, or delete the columns z to score x and y alone"
+        ))
+        .because(Reason::InSpace)),
         (Some(_), None) => Ok(true),
         (Some(with), Some(without)) => Err(Error::input(format!(
             "`{with}` has three coordinates, x, y and z, and `{without}` two; expected as many of every point: give \
