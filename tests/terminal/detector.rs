@@ -219,3 +219,43 @@ fn an_exported_encoder_is_extracted_as_its_checkpoint() {
         }
     }
 }
+
+#[test]
+fn inspect_says_what_a_model_is_and_what_it_leaves_open() {
+    let folder = with_models();
+    let inspect = |name: &str, options: &[&str]| {
+        let path = folder.path().join(name);
+        tracklens(&[&["inspect", path.to_str().expect("UTF-8")], options].concat())
+    };
+    let found = |output: Output| -> Value {
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    // The scale of the pixels is in no graph.
+    let open = found(inspect("heatmaps.onnx", &[]));
+    assert_eq!(open["format"], "onnx");
+    assert_eq!(open["input"]["element"], "float");
+    assert!(
+        open["operators"]
+            .as_array()
+            .expect("names")
+            .contains(&"Conv".into())
+    );
+    assert!(open.get("runs").is_none());
+    let text = open["open"].as_str().expect("a text");
+    assert!(text.contains("how pixels are scaled"), "{text}");
+    // What lies beside the model says the rest.
+    let beside = folder.path().join("heatmaps.onnx.json");
+    fs::write(beside, r#"{"mean": [0.5], "std": [0.5]}"#).expect("written");
+    let said = found(inspect("heatmaps.onnx", &[]));
+    assert!(said.get("open").is_none());
+    let text = said["runs"].as_str().expect("a text");
+    assert!(
+        text.contains("mean [0.5], std [0.5]") && text.contains("argmax"),
+        "{text}"
+    );
+
+    let refused = inspect("simcc.onnx", &["--plan", "64x64"]);
+    assert_eq!(refused.status.code(), Some(3));
+    assert!(stderr(&refused).contains("this is an ONNX model"));
+}

@@ -7,12 +7,12 @@ use clap::Args;
 use comfy_table::presets::NOTHING;
 use serde::Serialize;
 
-use super::files;
+use super::{detector, files};
 use crate::atomic;
 use crate::checkpoint::{Checkpoint, Format, SaeConfig, Summary, Training};
 use crate::engine::{CpuEncoder, PlannedLayer};
 use crate::error::{Error, Result};
-use crate::weights::{Weights, read_checkpoint, read_weights};
+use crate::weights::{Weights, read_checkpoint, read_onnx, read_weights};
 
 #[derive(Debug, Args)]
 pub(super) struct ConvertArguments {
@@ -31,7 +31,7 @@ pub(super) struct ConvertArguments {
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk
+    /// The checkpoint: .safetensors, PyTorch's .pth or burn's .bpk; or a detector as an ONNX model
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Which weights, where a file has several sets: what stands before `encoder.` in their names,
@@ -115,6 +115,13 @@ struct Inspection {
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
     let place = |e: Error| e.at(arguments.file.display());
+    if let Some(model) = read_onnx(&arguments.file)? {
+        if arguments.key.is_some() || arguments.plan.is_some() {
+            let error = "--key and --plan are for checkpoints of tracklens, and this is an ONNX model; leave them out";
+            return Err(place(Error::mismatch(error)));
+        }
+        return detector::inspect(&arguments.file, &model, arguments.json);
+    }
     let Weights {
         checkpoint,
         format,

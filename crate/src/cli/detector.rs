@@ -1,13 +1,16 @@
-//! What the options say of a detector that is an ONNX model.
+//! Detectors that are ONNX models: what the options say of them, and what they are.
 
+use std::io::IsTerminal as _;
 use std::path::Path;
 
 use clap::Args;
+use comfy_table::presets::NOTHING;
+use serde::Serialize;
 
 use crate::atomic;
 use crate::detector::{
-    Channels, Columns, Decoding, InputSize, Layout, Normalization, OnnxExtractor, OutputKind,
-    Settings, Unit,
+    Channels, Columns, Decoding, Graph, InputSize, Layout, Normalization, OnnxExtractor,
+    OutputKind, Plan, Port, Settings, Unit,
 };
 use crate::error::{Error, Result};
 use crate::weights::{model_settings, settings_path};
@@ -124,4 +127,70 @@ impl DetectorArguments {
             columns: self.columns,
         }
     }
+}
+
+/// What is printed of a model as JSON.
+#[derive(Serialize)]
+struct Inspection<'a> {
+    format: &'static str,
+    bytes: usize,
+    #[serde(flatten)]
+    graph: &'a Graph,
+    /// How it is run on frames, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    runs: Option<String>,
+    /// Why it cannot be run as it is, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    open: Option<String>,
+}
+
+/// Prints what the model `bytes` of `path` says of itself, and how it is run with what lies beside
+/// it.
+///
+/// # Errors
+/// When it is no model that can be run, whatever is said of it.
+pub(super) fn inspect(path: &Path, bytes: &[u8], json: bool) -> Result<()> {
+    let graph = Graph::read(bytes).map_err(|e| e.at(path.display()))?;
+    let plan = Plan::new(&graph, &model_settings(path, Settings::default())?);
+    let inspection = Inspection {
+        format: "onnx",
+        bytes: bytes.len(),
+        runs: plan.as_ref().ok().map(Plan::to_string),
+        open: plan.err().map(|e| e.to_string()),
+        graph: &graph,
+    };
+    if json || !std::io::stdout().is_terminal() {
+        let json = serde_json::to_string_pretty(&inspection)
+            .map_err(|e| Error::input(format!("the summary cannot be written as JSON: {e}")))?;
+        say!("{json}");
+    } else {
+        let mut table = comfy_table::Table::new();
+        table.load_preset(NOTHING);
+        for (name, value) in rows(&inspection) {
+            if !value.is_empty() {
+                table.add_row([name.to_owned(), value]);
+            }
+        }
+        say!("{table}");
+    }
+    Ok(())
+}
+
+/// Names and values; a value that is empty is not shown.
+fn rows(inspection: &Inspection) -> [(&'static str, String); 8] {
+    let graph = inspection.graph;
+    let join = |texts: Vec<String>| texts.join(", ");
+    [
+        ("file", format!("ONNX, {} bytes", inspection.bytes)),
+        ("operator set", graph.opset.to_string()),
+        ("input", graph.input.to_string()),
+        (
+            "outputs",
+            join(graph.outputs.iter().map(Port::to_string).collect()),
+        ),
+        ("operators", join(graph.operators.iter().cloned().collect())),
+        ("metadata", join(graph.metadata.keys().cloned().collect())),
+        ("runs", inspection.runs.clone().unwrap_or_default()),
+        ("open", inspection.open.clone().unwrap_or_default()),
+    ]
 }
