@@ -15,6 +15,8 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
+use crate::binary::data;
+
 const MIB: u64 = 1 << 20;
 
 /// Runs the command with at most `bytes` of address space.
@@ -335,6 +337,28 @@ fn other_metrics_of_many_keypoints_are_refused() {
         &context,
         5,
         "a linear regression from 4096 keypoints together takes hours",
+    );
+}
+
+#[test]
+fn an_image_that_declares_a_large_size_is_contained() {
+    // The head of a lossy WebP image of the largest size, and nothing of its pixels.
+    let mut image = b"RIFF\x2a\0\0\0WEBPVP8 \x1e\0\0\0\x90\x22\0\x9d\x01\x2a".to_vec();
+    image.extend([0x00, 0x20, 0x00, 0x20]);
+    image.resize(50, 0);
+    let checkpoint = data("golden/basic-vel-std-bg-tiny.safetensors");
+    let checkpoint = checkpoint.to_str().expect("UTF-8");
+    let arguments = [
+        ["extract", "--checkpoint"],
+        [checkpoint, "--frames"],
+        [".", "--out"],
+    ];
+    let arguments = [&arguments.concat()[..], &["keypoints.csv"]].concat();
+    contained(
+        &[("0.webp", &image)],
+        &arguments,
+        5,
+        "of pixels of an image of 8192 x 8192",
     );
 }
 

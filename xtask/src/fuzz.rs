@@ -25,6 +25,9 @@ const FLAGS: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-leve
 const LONGEST: u64 = 64 << 10;
 /// What an input may allocate at once: 64 MiB, and 32 bytes for each of its own.
 const ALLOCATION: &str = "-malloc_limit_mb=66";
+/// Of images, whose size is checked by its name: the largest one with four channels of 16 bits.
+const ALLOCATION_OF_IMAGES: &str = "-malloc_limit_mb=514";
+const IMAGES: &str = "images";
 
 /// Needs burn.
 const SWEEP_FILE: &str = "sweep_file";
@@ -125,13 +128,17 @@ fn fuzz(
     copy_seeds(workspace.root(), &table[name], &seeds)?;
     let log = folder.join(format!("{name}.log"));
     let file = File::create(&log).with_context(|| log.display().to_string())?;
+    let allocation = match name {
+        IMAGES => ALLOCATION_OF_IMAGES,
+        _ => ALLOCATION,
+    };
     let mut command = run::command(binaries.join(name));
     command
         .args([&corpus, &seeds])
         .arg(format!("-artifact_prefix={}/", found.display()))
         .arg(format!("-max_total_time={seconds}"))
         .arg(format!("-max_len={LONGEST}"))
-        .args([ALLOCATION, "-rss_limit_mb=2048", "-timeout=60"])
+        .args([allocation, "-rss_limit_mb=2048", "-timeout=60"])
         .arg("-print_final_stats=1")
         .stderr(file);
     let done = run::run(&mut command);

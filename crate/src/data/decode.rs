@@ -8,6 +8,7 @@ use super::frame_array::FrameArray;
 use super::image::{Frame, MAX_SIDE, MIN_SIDE};
 use super::npy::{self, Header};
 use crate::error::{Error, Result};
+use crate::memory;
 
 impl Frame {
     /// Decodes a PNG image, or with the feature `jpeg-webp` a JPEG or WebP image, recognised by its
@@ -63,6 +64,12 @@ impl Frame {
                 "the image is {width} x {height} pixels; expected {MIN_SIDE} to {MAX_SIDE} a side"
             )));
         }
+        // A few bytes can stand for an image of the largest size.
+        memory::check(
+            decoder.total_bytes() + u64::from(width) * u64::from(height) * 3,
+            &format!("pixels of an image of {width} x {height}"),
+            "use smaller images, or close other programs",
+        )?;
         let mut limits = Limits::default();
         limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * 8);
         decoder.set_limits(limits).map_err(damaged)?;
