@@ -37,6 +37,8 @@ pub enum Reason {
     /// The positions are in pixels and nothing gives the size of the images. It is the last thing
     /// that is checked: with a size, the same file can be read.
     MissingImageSize,
+    /// Nothing says in which unit the positions are. With it, the same file can be read.
+    UnknownUnit,
     /// A keypoint is missing or not finite in some frame. It can be scored without such frames.
     NonFinite {
         /// The keypoint.
@@ -79,6 +81,13 @@ pub enum Reason {
     InSpace,
     /// A file holds no frames; it may hold points.
     NoFrames,
+    /// A file of arrays holds no points by their usual names; it may hold positions by others.
+    NoPoints,
+    /// A recording holds the frames of several cameras. With the name of one, it can be read.
+    SeveralCameras {
+        /// The name of the first one.
+        first: String,
+    },
     /// The model of a detector leaves settings open; with them, the same file can be run.
     DetectorSettings {
         /// Their names: `inputSize`, `layout`, `normalization`, `output`, `outputNames`, `columns`,

@@ -156,13 +156,14 @@ fn read_as(axes: Option<AxisOrder>) -> TableOptions {
 
 fn npz(name: &str, axes: Option<AxisOrder>) -> Recording {
     let bytes = fixture(&format!("data/formats/{name}"));
-    Recording::from_npz(Cursor::new(bytes), &read_as(axes))
+    Recording::from_npz(Cursor::new(bytes), None, &read_as(axes))
         .unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 fn hdf5(name: &str, axes: Option<AxisOrder>) -> Recording {
     let bytes = fixture(&format!("data/formats/{name}"));
-    Recording::from_hdf5_bytes(bytes, &read_as(axes)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    Recording::from_hdf5_bytes(bytes, None, &read_as(axes))
+        .unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// Every frame of `recording` holds `value` of the expected floats, bit for bit.
@@ -290,7 +291,7 @@ fn points_alone_are_a_ground_truth_or_keypoints() {
         track.content.frame(2)[[1, 0]],
         table.content.frame(2)[[1, 1]]
     );
-    let error = Recording::from_npz(Cursor::new(bytes), &read_as(None))
+    let error = Recording::from_npz(Cursor::new(bytes), None, &read_as(None))
         .err()
         .expect("no frames");
     assert!(
@@ -332,7 +333,7 @@ fn written(fill: impl FnOnce(&mut NpzWriter<Cursor<Vec<u8>>>)) -> Vec<u8> {
 }
 
 fn npz_error(bytes: Vec<u8>) -> String {
-    let recording = Recording::from_npz(Cursor::new(bytes), &read_as(None));
+    let recording = Recording::from_npz(Cursor::new(bytes), None, &read_as(None));
     recording
         .and_then(|r| r.read(0).map(|_| ()))
         .expect_err("a bad file")
@@ -358,7 +359,8 @@ fn what_is_written_is_read_again() {
         npz.strings("names", &["ein Würfel".to_owned()])
             .expect("written");
     });
-    let recording = Recording::from_npz(Cursor::new(bytes), &read_as(None)).expect("a recording");
+    let recording =
+        Recording::from_npz(Cursor::new(bytes), None, &read_as(None)).expect("a recording");
     assert_eq!(recording.image_size(), [20, 16]);
     for i in 0..6 {
         let frame = recording.read(i).expect("a frame");
@@ -482,7 +484,7 @@ fn bad_points_are_told_apart() {
 fn bad_hdf5_files_are_errors() {
     let whole = fixture("data/formats/record.hdf5");
     let read = |bytes: Vec<u8>| {
-        let recording = Recording::from_hdf5_bytes(bytes, &read_as(None))?;
+        let recording = Recording::from_hdf5_bytes(bytes, None, &read_as(None))?;
         (0..recording.index().keys().len()).try_for_each(|i| recording.read(i).map(|_| ()))
     };
     for length in [0, 8, 100, 1000, whole.len() / 2, whole.len() - 1] {
@@ -629,7 +631,7 @@ fn points_in_pixels_take_the_size_of_the_frames_beside_them() {
     let mut options = read_as(None);
     options.space = Some(Space::Pixels);
     let bytes = fixture("data/formats/frames.npz");
-    let recording = Recording::from_npz(Cursor::new(bytes), &options).expect("a recording");
+    let recording = Recording::from_npz(Cursor::new(bytes), None, &options).expect("a recording");
     let px = expected().points[[0, 0, 0]];
     let ndc = recording.truth().expect("a ground truth").points_ndc()[[0, 0, 0]];
     assert_eq!(ndc, (2.0 * px + 1.0) / 16.0 - 1.0);
@@ -683,7 +685,7 @@ fn a_flipped_bit_in_a_stored_array_is_an_error() {
 fn frames_that_are_stored_are_verified_on_request() {
     let mut bytes = fixture("data/formats/frames.npz");
     let verify = |bytes: &[u8]| {
-        let recording = Recording::from_npz(Cursor::new(bytes.to_vec()), &read_as(None));
+        let recording = Recording::from_npz(Cursor::new(bytes.to_vec()), None, &read_as(None));
         recording.expect("a recording").verify()
     };
     assert!(verify(&bytes).is_ok());
@@ -706,7 +708,7 @@ fn an_hdf5_file_cannot_declare_more_frames_than_a_recording_has() {
     for at in places {
         bytes[at..at + 16].copy_from_slice(&huge);
     }
-    let error = Recording::from_hdf5_bytes(bytes, &read_as(None))
+    let error = Recording::from_hdf5_bytes(bytes, None, &read_as(None))
         .err()
         .expect("too many frames")
         .to_string();

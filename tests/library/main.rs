@@ -22,6 +22,8 @@ mod formats;
 #[cfg(feature = "data")]
 mod memory;
 mod metric;
+#[cfg(feature = "hdf5")]
+mod recordings;
 #[cfg(all(feature = "data", feature = "space"))]
 mod space;
 mod stats;

@@ -5,7 +5,7 @@ does that writes them, or by hand where that is what people do. The expected err
 from the positions by numpy alone, without the files: the best affine map by least squares, and the
 mean squared distance in ndc.
 
-    pip install numpy pandas h5py tables && python tests/public/make.py
+    pip install -r tests/public/requirements.txt && python tests/public/make.py
 """
 
 import io
@@ -83,8 +83,8 @@ def errors(truth, keypoints):
 cases = []
 
 
-def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES, space=None):
-    """A file and what it comes to beside the plain table of the other role.
+def case(name, content, role="truth", options=None, points=None, refused=None, notes=(), objects=NAMES, space=None, beside=None):
+    """A file and what it comes to beside the plain table of the other role, or the one `beside`.
 
     `points` are what it holds, T x P x 2 in pixels, in the order of `objects`; `refused` is a part
     of the message of a file that cannot be read, `notes` are parts of what is told of one that can.
@@ -93,6 +93,10 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
     data = content if isinstance(content, bytes) else content.encode()
     (OUT / name).write_bytes(data)
     found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
+    if beside is not None:
+        found["beside"] = beside
+    if beside is not None:
+        found["terminal_only"] = True
     if refused is not None:
         found["refused"] = refused
     elif space is not None:
@@ -512,6 +516,58 @@ case("keypoints-tapir.pkl", pickle.dumps({"vid": {"tracks": KEYPOINTS.swapaxes(0
 case("tap-vid-no-points.pkl", pickle.dumps({"vid": video}), refused="no tracks of points among `vid`")
 case("tap-vid-cut.pkl", pickle.dumps({"vid": tap_vid(TRUTH)})[:-90], refused="the pickle cannot be read at byte")
 case("tap-vid-three-d.pkl", pickle.dumps({"points": np.zeros((2, T, 3)), "occluded": np.zeros((2, T), bool)}), refused="expected [K, T, 2]")
+
+
+# Robots: episodes of unequal length, whose frames an index tells apart.
+LENGTHS = [12, 20, 8]
+ENDS = np.cumsum(LENGTHS)
+EPISODES = np.split(np.arange(T), ENDS[:-1])
+rows = [(s, i - of[0], p, *ndc(KEYPOINTS)[i, p]) for s, of in enumerate(EPISODES) for i in of for p in range(2)]
+columns = ["sequence", "frame", "keypoint", "x", "y"]
+(OUT / "keypoints-episodes.csv").write_text(pd.DataFrame(rows, columns=columns).to_csv(index=False))
+of_episodes = {"beside": "keypoints-episodes.csv", "objects": ["point_0", "point_1"]}
+
+
+def frames(of, camera=0):
+    """RGB of 16 x 16 px: 40 in red and 3 in blue a camera tell it, green the frame of all."""
+    red, green, blue = np.full((3, len(of), 16, 16), 40 + camera)
+    green[:] = np.asarray(of)[:, None, None] * 5
+    blue[:] = 3 * camera + np.arange(16)[:, None] * 8 + np.arange(16)
+    return np.stack([red, green, blue], -1).astype("u1")
+
+
+def robomimic(name, points="keypoints", values=N, cameras=("agentview_image",), only=None):
+    """Demonstrations as robomimic has them, each in a group, of which some have points."""
+    with h5py.File(OUT / name, "w") as file:
+        data = file.create_group("data")
+        data.attrs["env_args"] = "{}"
+        for number, of in enumerate(EPISODES):
+            demo = data.create_group(f"demo_{number}")
+            demo.attrs["num_samples"] = len(of)
+            demo["actions"] = np.zeros((len(of), 7))
+            obs = demo.create_group("obs")
+            for camera, key in enumerate(cameras):
+                obs.create_dataset(key, data=frames(of, camera), compression="gzip")
+            obs["robot0_eef_pos"] = SPACE[of, 0]
+            obs["object"] = np.concatenate([SPACE[of, 1], np.ones((len(of), 4))], 1)
+            if points is not None and (only is None or number in only):
+                obs[points] = values[of]
+    return (OUT / name).read_bytes()
+
+
+case("robomimic.hdf5", robomimic("robomimic.hdf5"), **of_episodes)
+case("robomimic-sites.hdf5", robomimic("robomimic-sites.hdf5", "sites", SPACE, cameras=()), space=SPACE, **of_episodes)
+two = robomimic("robomimic-two-cameras.hdf5", cameras=("agentview_image", "robot0_eye_in_hand_image"))
+case("robomimic-two-cameras.hdf5", two, **of_episodes)
+named = {"columns": "gripper=obs/robot0_eef_pos,cube=obs/object[0:3]"}
+lowdim = robomimic("robomimic-low-dim.hdf5", None, cameras=())
+case("robomimic-low-dim.hdf5", lowdim, options=named, space=SPACE, **{**of_episodes, "objects": ["gripper", "cube"]})
+some = robomimic("robomimic-some.hdf5", cameras=(), only=[0, 2])
+case("robomimic-some.hdf5", some, refused="`data/demo_1`: there are no points, unlike in other episodes", **of_episodes)
+case("episodes.npz", npz(keypoints=N, episode_ends=ENDS, images=frames(np.arange(T))), **of_episodes)
+case("episodes-short.npz", npz(keypoints=N, episode_ends=ENDS[:2]), refused="the last episode ends at 32", **of_episodes)
+case("episodes-descending.npz", npz(keypoints=N, episode_ends=ENDS[::-1]), refused="`episode_ends`: ", **of_episodes)
+
 
 
 def main():

@@ -94,12 +94,17 @@ fn npz(bytes: &[u8]) {
     let _ = black_box(parse_npz_keypoints(bytes, "points.npz", &with_size()));
     recording(Recording::from_npz(
         Cursor::new(bytes.to_vec()),
+        None,
         &with_size(),
     ));
 }
 
 fn hdf5(bytes: &[u8]) {
-    recording(Recording::from_hdf5_bytes(bytes.to_vec(), &with_size()));
+    recording(Recording::from_hdf5_bytes(
+        bytes.to_vec(),
+        None,
+        &with_size(),
+    ));
 }
 
 /// Tables of pandas and SLEAP, and arrays of points.

@@ -21,6 +21,7 @@ mod memory;
 mod mutations;
 mod public;
 mod recorder;
+mod recordings;
 mod report;
 mod space;
 #[cfg(all(feature = "train", unix))]

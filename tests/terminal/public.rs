@@ -40,7 +40,10 @@ fn score(all: &Value, case: &Value) -> Output {
         .current_dir(folder().join("files"))
         .args(["score", "--json", "--folds", "0"])
         .args([format!("--{role}"), text(&case["file"]).to_owned()])
-        .args([format!("--{other}"), text(&all[other]).to_owned()]);
+        .args([
+            format!("--{other}"),
+            text(case.get("beside").unwrap_or(&all[other])).to_owned(),
+        ]);
     let options = case["options"].as_object().expect("options");
     for (name, value) in options {
         let value = match value {

@@ -16,8 +16,8 @@ use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
 pub(super) struct ConvertArguments {
-    /// Folder of image sequences, one folder a sequence, a recording (.npz, .hdf5), or a file of
-    /// points
+    /// Folder of image sequences, one folder a sequence, a recording (.npz, .hdf5), or a file
+    /// of points
     pub input: PathBuf,
     /// What to write; must not exist yet
     pub out: PathBuf,
@@ -108,7 +108,11 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
             let first = frames.read(0)?;
             image_size = image_size.or(Some([first.width(), first.height()]));
             let truth = arguments.common.truth.as_deref();
-            Points::Truth(reading.need(truth, input, &*frames, "a table")?.points)
+            Points::Truth(
+                reading
+                    .need(truth, None, input, &*frames, "a table")?
+                    .points,
+            )
         }
         false if arguments.keypoints => {
             Points::Keypoints(reading.read_keypoints(input, arguments.columns.as_ref())?)

@@ -13,9 +13,10 @@ use serde::Serialize;
 
 use super::convert::{CommonArguments, ConvertArguments, Target, write_points};
 use super::extract::{cancel_on_interrupt, progress_bar, show};
-use super::files;
 use crate::atomic;
-use crate::data::{self, Frame, FrameSource, Join, NpzWriter, Pixels, ground_truth_csv, join};
+use crate::data::{
+    self, Frame, FrameSource, Join, NpzWriter, Pixels, SequenceRange, ground_truth_csv, join,
+};
 use crate::error::{Error, ErrorKind, Result};
 use crate::evaluation::JoinReport;
 use crate::event::{Cancel, Event};
@@ -126,7 +127,7 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     let frames = common.reading.open(&arguments.path)?;
     let truth = common
         .reading
-        .find(common.truth.as_deref(), &arguments.path, &*frames)?
+        .find(common.truth.as_deref(), None, &arguments.path, &*frames)?
         .map(|truth| truth.points);
     let index = frames.index();
     let lengths = || index.sequences().into_iter().map(|s| s.length);
@@ -316,14 +317,17 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
         return refused("lies in no folder that exists; expected a folder or a file to write");
     }
     let target = arguments.to.unwrap_or_else(|| Target::of(out));
-    let has_frames = arguments.input.is_dir() || files::is_recording(&arguments.input)?;
+    let has_frames = arguments.input.is_dir() || common.reading.is_recording(&arguments.input)?;
     if !has_frames || !matches!(target, Target::Folder | Target::Npz) {
         return write_points(arguments, target);
     }
     let frames = common.reading.open(&arguments.input)?;
-    let truth = common
-        .reading
-        .find(common.truth.as_deref(), &arguments.input, &*frames)?;
+    let truth = common.reading.find(
+        common.truth.as_deref(),
+        arguments.columns.as_ref(),
+        &arguments.input,
+        &*frames,
+    )?;
     let truth = truth
         .map(|truth| aligned(&truth.points, frames.index().keys()))
         .transpose()?;
@@ -369,7 +373,7 @@ fn aligned(truth: &GroundTruth, keys: &[FrameKey]) -> Result<GroundTruth> {
         }
     }
     let objects = truth.names().len();
-    let mut points = ndarray::Array3::from_elem((keys.len(), objects, 2), f64::NAN);
+    let mut points = ndarray::Array3::from_elem((keys.len(), objects, truth.axes()), f64::NAN);
     let mut confidence = truth
         .confidence()
         .map(|_| ndarray::Array2::from_elem((keys.len(), objects), f64::NAN));
@@ -470,33 +474,36 @@ impl Job<'_> {
         let index = self.frames.index();
         let sequences = index.sequences();
         let length = sequences[0].length;
-        if let Some(other) = sequences.iter().find(|s| s.length != length) {
-            return Err(Error::mismatch(format!(
-                "sequence {} has {length} frames, {} has {}; an array needs sequences of one length: write a folder \
-                 instead",
-                sequences[0].name, other.name, other.length
-            )));
-        }
-        let renamed = index.keys().iter().enumerate().any(|(i, key)| {
-            key.frame != (i % length) as u64 || key.sequence != format!("seq_{:04}", i / length)
-        });
-        if renamed {
+        let are_alike = sequences.iter().all(|s| s.length == length);
+        let is_named = |(s, range): (usize, &SequenceRange)| {
+            let frames = &index.keys()[range.start..range.start + range.length];
+            let name = match are_alike {
+                true => format!("seq_{s:04}"),
+                false => format!("episode_{s}"),
+            };
+            range.name == name && frames.iter().zip(0..).all(|(key, t)| key.frame == t)
+        };
+        if !sequences.iter().enumerate().all(is_named) {
+            let names = if are_alike {
+                "seq_0000, seq_0001"
+            } else {
+                "episode_0, episode_1"
+            };
             eprintln!(
-                "note: an array has no names: sequences become seq_0000, seq_0001, …, frames count from 0"
+                "note: an array has no names: sequences become {names}, …, frames count from 0"
             );
         }
+        // Sequences of unequal length lie one after the other.
+        let leading = match are_alike {
+            true => vec![sequences.len(), length],
+            false => vec![index.keys().len()],
+        };
         let first = self.frames.read(0)?;
         let size = [first.width(), first.height()];
         let floats = self.frames.has_floats();
         let file = atomic::temporary_file(self.parent).map_err(|e| self.failed(&e))?;
         let mut npz = NpzWriter::new(BufWriter::new(file));
-        let shape = [
-            sequences.len(),
-            length,
-            size[1] as usize,
-            size[0] as usize,
-            3,
-        ];
+        let shape = [&leading[..], &[size[1] as usize, size[0] as usize, 3]].concat();
         let placed = |e: Error| e.at(self.out.display());
         npz.array("images", if floats { "<f4" } else { "|u1" }, &shape)
             .map_err(placed)?;
@@ -528,10 +535,17 @@ impl Job<'_> {
             },
         )?;
         if let Some(truth) = &self.truth {
-            let shape = [sequences.len(), length, truth.names().len(), truth.axes()];
+            let shape = [&leading[..], &[truth.names().len(), truth.axes()]].concat();
             npz.floats("keypoints", &shape, truth.points_ndc().iter().copied())
                 .map_err(placed)?;
             npz.strings("names", truth.names()).map_err(placed)?;
+        }
+        if !are_alike {
+            let ends = sequences.iter().map(|s| (s.start + s.length) as i64);
+            let bytes: Vec<u8> = ends.flat_map(i64::to_le_bytes).collect();
+            npz.array("episode_ends", "<i8", &[sequences.len()])
+                .and_then(|()| npz.write(&bytes))
+                .map_err(placed)?;
         }
         let file = npz.finish().map_err(placed)?;
         let file = file.into_inner().map_err(|e| self.failed(e.error()))?;

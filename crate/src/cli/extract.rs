@@ -15,7 +15,7 @@ use super::files::TruthArguments;
 use super::score::ScoringArguments;
 use super::signals;
 use crate::atomic;
-use crate::data::{FrameSource, Reading, keypoints_csv};
+use crate::data::{Columns, FrameSource, Reading, keypoints_csv};
 use crate::device::DeviceKind;
 #[cfg(not(feature = "gpu"))]
 use crate::device::built_without_gpu;
@@ -49,6 +49,11 @@ pub(super) struct EvalArguments {
     /// recording
     #[arg(long, value_name = "GT.csv")]
     truth: Option<PathBuf>,
+    /// Which column of the ground truth is what, where they have other names (e.g.
+    /// x=px,y=py,frame=t,object=label), or without --truth which array of the recording has the
+    /// positions of which object (e.g. eef=obs/robot0_eef_pos,cube=obs/object[0:3])
+    #[arg(long, value_name = "NAME=COLUMN,…")]
+    truth_columns: Option<Columns>,
     /// Also write the keypoints to this file
     #[arg(long, value_name = "KP.csv", value_parser = parse_file)]
     keypoints_out: Option<PathBuf>,
@@ -131,6 +136,7 @@ pub(super) fn run_eval(arguments: &EvalArguments) -> Result<()> {
     let frames = source.reading.open(&source.frames)?;
     let truth = source.reading.need(
         arguments.truth.as_deref(),
+        arguments.truth_columns.as_ref(),
         &source.frames,
         &*frames,
         "scoring",

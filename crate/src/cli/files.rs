@@ -59,6 +59,10 @@ pub(super) struct TruthArguments {
     /// keypoints; default: they are scored in space
     #[arg(long)]
     xy_only: bool,
+    /// Array of the frames in a recording, where there are several, as of two cameras; default:
+    /// images or frames, or the only one
+    #[arg(long, value_name = "NAME")]
+    array: Option<String>,
     /// Size of the images in pixels, for positions and errors in pixels; default: that of the
     /// frames, where there are any
     #[arg(long = command_line::IMAGE_SIZE, value_name = "WxH", value_parser = super::values::parse_size)]
@@ -73,22 +77,29 @@ pub(super) struct Truth {
 
 impl TruthArguments {
     /// The ground truth of `truth`, or the one that lies with the frames at `path`; None where
-    /// there is none.
+    /// there is none. `columns` says which column is what, or which array of the recording.
     pub fn find(
         &self,
         truth: Option<&Path>,
+        columns: Option<&Columns>,
         path: &Path,
         frames: &dyn FrameSource,
     ) -> Result<Option<Truth>> {
         let beside = path.join("ground_truth.csv");
+        // Columns without a table are arrays of the recording.
+        let truth = truth.or(columns.map(|_| path).filter(|path| path.is_file()));
         let found = match (truth, frames.truth()) {
-            (Some(truth), _) => self.read_beside(truth, frames)?,
+            (Some(truth), _) => self.read_beside(truth, columns, frames)?,
             (None, Some(own)) => {
                 tell(path, frames.notices());
                 self.select(own.clone(), None)?
             }
-            (None, None) if beside.is_file() => self.read_beside(&beside, frames)?,
-            (None, None) => return Ok(None),
+            (None, None) if beside.is_file() => self.read_beside(&beside, columns, frames)?,
+            (None, None) => {
+                // Of points that are there and cannot be used.
+                tell(path, frames.notices());
+                return Ok(None);
+            }
         };
         Ok(Some(found))
     }
@@ -97,11 +108,12 @@ impl TruthArguments {
     pub fn need(
         &self,
         truth: Option<&Path>,
+        columns: Option<&Columns>,
         path: &Path,
         frames: &dyn FrameSource,
         purpose: &str,
     ) -> Result<Truth> {
-        self.find(truth, path, frames)?.ok_or_else(|| {
+        self.find(truth, columns, path, frames)?.ok_or_else(|| {
             Error::new(
                 ErrorKind::Io,
                 format!(
@@ -121,14 +133,19 @@ impl TruthArguments {
         frames: &dyn FrameSource,
         purpose: &str,
     ) -> Result<Truth> {
-        let Truth { points, reading } = self.need(truth, path, frames, purpose)?;
+        let Truth { points, reading } = self.need(truth, None, path, frames, purpose)?;
         let points = points.in_image(purpose)?;
         Ok(Truth { points, reading })
     }
 
     /// Reads a table whose positions belong to `frames`.
-    fn read_beside(&self, path: &Path, frames: &dyn FrameSource) -> Result<Truth> {
-        self.read_sized(path, None, || {
+    fn read_beside(
+        &self,
+        path: &Path,
+        columns: Option<&Columns>,
+        frames: &dyn FrameSource,
+    ) -> Result<Truth> {
+        self.read_sized(path, columns, || {
             // Frames that cannot be read are told when it is their turn.
             let frame = frames.read(0).ok()?;
             Some([frame.width(), frame.height()])
@@ -151,15 +168,19 @@ impl TruthArguments {
         columns: Option<&Columns>,
         size: impl FnOnce() -> Option<[u32; 2]>,
     ) -> Result<Truth> {
+        let kind = Kind::of(path)?;
+        // Arrays that a person names may be on the board of a simulator: its size has to be said.
+        let is_named = columns.is_some() && matches!(kind, Kind::Hdf5);
         let options = TableOptions {
-            image_size: self.image_size.or_else(size),
+            image_size: self.image_size.or_else(|| size().filter(|_| !is_named)),
             ..self.options()
         };
         let name = path.to_string_lossy();
-        let table = match Kind::of(path)? {
+        let table = match kind {
             Kind::Npz => parse_npz_ground_truth(&read(path)?, &name, &options)?,
-            Kind::Hdf5 => read_hdf5_ground_truth(open(path)?, &name, &options)?,
+            Kind::Hdf5 => read_hdf5_ground_truth(open(path)?, &name, columns, &options)?,
             Kind::Pickle => export_pickle(&read(path)?)
+                .and_then(|table| table.renamed(columns, false))
                 .map_err(|e| e.at(path.display()))?
                 .ground_truth(&name, &options)?,
             Kind::Npy => ground_truth_of_arrays(vec![NpyArray::alone(read(path)?)], &options)
@@ -191,6 +212,29 @@ impl TruthArguments {
         Ok(Truth { points, reading })
     }
 
+    /// Whether a file holds frames as arrays, as far as they can be read.
+    pub fn is_recording(&self, path: &Path) -> Result<bool> {
+        let Some(recording) = self.recording(path)? else {
+            return Ok(false);
+        };
+        let why_not = recording.err();
+        Ok(why_not.is_none_or(|e| e.reason() != Some(&Reason::NoFrames)))
+    }
+
+    /// A recording, as far as it can be read; None where the file is none.
+    fn recording(&self, path: &Path) -> Result<Option<Result<Recording>>> {
+        let (array, options) = (self.array.as_deref(), self.options());
+        Ok(match Kind::of(path)? {
+            Kind::Npz => Some(Recording::from_npz(
+                BufReader::new(open(path)?),
+                array,
+                &options,
+            )),
+            Kind::Hdf5 => Some(Recording::from_hdf5_file(open(path)?, array, &options)),
+            Kind::Npy | Kind::Pickle | Kind::Other => None,
+        })
+    }
+
     /// Opens a folder of images or a recording; says what is left out.
     pub fn open(&self, path: &Path) -> Result<Arc<dyn FrameSource>> {
         if path.is_dir() {
@@ -212,13 +256,12 @@ impl TruthArguments {
             }
             return Ok(Arc::new(folder));
         }
-        let recording = match Kind::of(path)? {
-            Kind::Npz => Recording::from_npz(BufReader::new(open(path)?), &self.options()),
-            Kind::Hdf5 => Recording::from_hdf5_file(open(path)?, &self.options()),
-            Kind::Npy | Kind::Pickle | Kind::Other => Err(Error::input(
-                "neither a folder nor a recording; expected a folder of images, an NPZ or an HDF5 file",
-            )),
-        };
+        let recording = self.recording(path)?.unwrap_or_else(|| {
+            Err(Error::input(
+                "neither a folder nor a recording; expected a folder of images, an NPZ or an \
+                 HDF5 file",
+            ))
+        });
         let recording = recording.map_err(|e| e.at(path.display()))?;
         Ok(Arc::new(Placed {
             place: path.display().to_string(),
@@ -457,18 +500,6 @@ fn read_table(path: &Path, columns: Option<&Columns>, is_keypoints: bool) -> Res
     }
 }
 
-/// Whether a file holds frames as arrays, as far as they can be read.
-pub(super) fn is_recording(path: &Path) -> Result<bool> {
-    let options = TableOptions::default();
-    let recording = match Kind::of(path)? {
-        Kind::Npz => Recording::from_npz(BufReader::new(open(path)?), &options),
-        Kind::Hdf5 => Recording::from_hdf5_file(open(path)?, &options),
-        Kind::Npy | Kind::Pickle | Kind::Other => return Ok(false),
-    };
-    let why_not = recording.err();
-    Ok(why_not.is_none_or(|e| e.reason() != Some(&Reason::NoFrames)))
-}
-
 /// What keypoints are read with in place of the ground truth's options.
 #[derive(Debug, Args)]
 pub(super) struct KeypointsReading {
@@ -525,17 +556,17 @@ fn keypoints_of(
     options: &TableOptions,
     columns: Option<&Columns>,
 ) -> Result<Parsed<KeypointTrack>> {
-    let bytes = read_table(path, columns, true)?;
     let name = path.to_string_lossy();
-    let table = match Kind::of_bytes(&bytes) {
-        Kind::Hdf5 => read_hdf5_keypoints(open(path)?, &name, options)?,
-        Kind::Pickle => export_pickle(&bytes)
+    let table = match Kind::of(path)? {
+        Kind::Hdf5 => read_hdf5_keypoints(open(path)?, &name, columns, options)?,
+        Kind::Pickle => export_pickle(&read(path)?)
+            .and_then(|table| table.renamed(columns, true))
             .map_err(|e| e.at(path.display()))?
             .keypoints(&name, options)?,
-        Kind::Npz => parse_npz_keypoints(&bytes, &name, options)?,
-        Kind::Npy => keypoints_of_arrays(vec![NpyArray::alone(bytes)], options)
+        Kind::Npz => parse_npz_keypoints(&read(path)?, &name, options)?,
+        Kind::Npy => keypoints_of_arrays(vec![NpyArray::alone(read(path)?)], options)
             .map_err(|e| e.at(path.display()))?,
-        Kind::Other => parse_keypoints(&bytes, &name, options)?,
+        Kind::Other => parse_keypoints(&read_table(path, columns, true)?, &name, options)?,
     };
     tell(path, &table.notices);
     Ok(table)

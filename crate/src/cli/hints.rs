@@ -13,6 +13,17 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
         Reason::MissingImageSize => {
             "give the size with --image-size 256x256, or say that the positions are in ndc with --space ndc"
         }
+        Reason::UnknownUnit => {
+            "say it with --space px and --image-size WxH (of the whole board), --space fraction \
+             or --space ndc"
+        }
+        Reason::NoPoints => {
+            "`score --columns` and `eval --truth-columns` name an array for each object of HDF5, \
+             e.g. eef=obs/robot0_eef_pos,cube=obs/object[0:3]"
+        }
+        Reason::SeveralCameras { first } => {
+            return Some(Cow::Owned(format!("choose one with --array {first}")));
+        }
         Reason::NonFinite { .. } => "--non-finite exclude-frame leaves such frames out",
         Reason::LooksLikePixels { .. } => {
             "`--space px` reads a ground truth in pixels, `--keypoints-space px` keypoints, with `--image-size WxH`"

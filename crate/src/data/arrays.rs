@@ -2,12 +2,19 @@
 
 use super::reading::AxisOrder;
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// The names of arrays of frames.
 pub(super) const FRAMES: [&str; 2] = ["images", "frames"];
 
-/// The names of arrays of points: those of recordings, of trackers of points, and of TAP-Vid.
-pub(super) const POINTS: [&str; 4] = ["keypoints", "sites", "tracks", "points"];
+/// The names of arrays of points: those of recordings, of trackers of points, of TAP-Vid, and of
+/// diffusion policy's replay buffers.
+pub(super) const POINTS: [&str; 5] = ["keypoints", "sites", "tracks", "points", KEYPOINT];
+/// Points of a replay buffer, whose unit is that of its simulator.
+pub(super) const KEYPOINT: &str = "keypoint";
+
+/// Where each episode ends in arrays that hold one after the other.
+pub(super) const ENDS: &str = "episode_ends";
 
 /// The names of arrays that say how sure points are.
 pub(super) const CONFIDENCES: [&str; 5] = [
@@ -42,6 +49,13 @@ pub(super) enum Kind {
     Number,
 }
 
+impl Kind {
+    /// Whether frames can be of this type.
+    pub fn holds_frames(self) -> bool {
+        self != Self::Number
+    }
+}
+
 /// An array by its header.
 #[derive(Debug, Clone)]
 pub(super) struct ArrayInfo {
@@ -59,10 +73,22 @@ pub(super) enum Values {
     F64(Vec<f64>),
 }
 
-/// A file of named arrays.
+/// The names of what is in a group.
+#[derive(Debug, Default)]
+pub(super) struct Members {
+    pub groups: Vec<String>,
+    pub arrays: Vec<String>,
+}
+
+/// A file of named arrays, which may lie in groups: `group/array`.
 pub(super) trait ArrayFile: Send + Sync {
-    /// The names of all arrays.
+    /// The names of all arrays that are in no group.
     fn names(&self) -> Result<Vec<String>>;
+
+    /// What is in a group; nothing where there is no such group.
+    fn members(&self, _group: &str) -> Result<Members> {
+        Ok(Members::default())
+    }
 
     /// None where there is no such array.
     fn info(&self, name: &str) -> Result<Option<ArrayInfo>>;
@@ -79,6 +105,11 @@ pub(super) trait ArrayFile: Send + Sync {
     /// Where the part of a known array at the `leading` indices lies in the array's file, header
     /// included, and its size, in bytes; None where it does not lie in one piece.
     fn place(&self, _name: &str, _leading: &[u64]) -> Option<(u64, u64)> {
+        None
+    }
+
+    /// The bytes of the file, where what it holds is unpacked when it is read.
+    fn size(&self) -> Option<u64> {
         None
     }
 
@@ -141,6 +172,24 @@ pub(super) fn check_frames(
             "`{name}` has shape {shape:?}; expected at most {MAX_FRAMES} frames: split the recording"
         ))),
     }
+}
+
+/// Checks what arrays declare to hold, in bytes, that are read as a whole from a file of `file`
+/// bytes: hardly any bytes can declare any number.
+pub(super) fn check_declared(declared: u64, file: u64, what: &str) -> Result<()> {
+    /// Bytes that may be declared however small the file is.
+    const SMALL: u64 = 4 << 20;
+    /// What more of them there may be for a byte of the file.
+    const MOST_PACKED: u64 = 400;
+    /// Bytes that become of one: numbers, their text, and the points read from it.
+    const MADE: u64 = 12;
+    if declared > SMALL && declared / MOST_PACKED > file {
+        return Err(Error::input(format!(
+            "{what} declares {declared} bytes, more than {MOST_PACKED} times the file; is it \
+             damaged?"
+        )));
+    }
+    memory::check(declared.saturating_mul(MADE), "values", "split the file").map_err(|e| e.at(what))
 }
 
 /// Names in a message, the first of many.

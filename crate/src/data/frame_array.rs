@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 pub(super) struct FrameArray {
     pub name: String,
     pub dtype: String,
+    pub shape: Vec<u64>,
     pub kind: Kind,
     pub sequences: usize,
     pub frames: usize,
@@ -16,12 +17,14 @@ pub(super) struct FrameArray {
     pub channels_first: bool,
     /// Whether there is no axis of sequences.
     single: bool,
+    /// What floats are at full brightness.
+    full: f32,
 }
 
 impl FrameArray {
     pub fn new(name: &str, info: &ArrayInfo) -> Result<Self> {
         let place = || format!("`{name}` ({}, shape {:?})", info.dtype, info.shape);
-        let Some(kind) = info.kind.filter(|kind| *kind != Kind::Number) else {
+        let Some(kind) = info.kind.filter(|kind| kind.holds_frames()) else {
             return Err(Error::input(format!(
                 "{} is of a type that holds no frames; expected uint8, or float32 or float64 in [0, 1]",
                 place()
@@ -62,6 +65,7 @@ impl FrameArray {
         Ok(Self {
             name: name.to_owned(),
             dtype: info.dtype.clone(),
+            shape: info.shape.clone(),
             kind,
             sequences,
             frames,
@@ -69,7 +73,16 @@ impl FrameArray {
             height,
             channels_first,
             single,
+            full: 1.0,
         })
+    }
+
+    /// As a replay buffer of diffusion policy has them: floats are 0 to 255.
+    pub fn in_bytes(self) -> Self {
+        Self {
+            full: 255.0,
+            ..self
+        }
     }
 
     pub fn leading(&self, i: usize) -> Vec<u64> {
@@ -83,12 +96,19 @@ impl FrameArray {
     pub fn frame(&self, values: Values) -> Result<Frame> {
         let pixels = match values {
             Values::U8(values) => Pixels::Bytes(self.interleave(values)),
-            Values::F32(values) => Pixels::Floats(self.interleave(values)),
+            Values::F32(values) => Pixels::Floats(self.floats(values)),
             Values::F64(values) => {
-                Pixels::Floats(self.interleave(values.into_iter().map(|v| v as f32).collect()))
+                Pixels::Floats(self.floats(values.into_iter().map(|v| v as f32).collect()))
             }
         };
         Frame::from_pixels(self.width, self.height, pixels)
+    }
+
+    fn floats(&self, mut values: Vec<f32>) -> Vec<f32> {
+        if self.full != 1.0 {
+            values.iter_mut().for_each(|value| *value /= self.full);
+        }
+        self.interleave(values)
     }
 
     fn interleave<T: Copy>(&self, values: Vec<T>) -> Vec<T> {

@@ -4,7 +4,7 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3, s};
 
 use super::frames::FrameIndex;
 use super::image::Frame;
-use super::points::{Points, keys, numbered, place};
+use super::points::{Points, keys, numbered, place, sequence_names};
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Parsed, Reading, Space, TableOptions, missing_image_size,
 };
@@ -21,7 +21,7 @@ pub struct FramesInMemory {
 impl FramesInMemory {
     /// These frames, in their order, with numbers from `first` on.
     pub fn new(first: u64, frames: Vec<Frame>) -> Self {
-        let mut keys = keys(&[frames.len()]);
+        let mut keys = keys(&sequence_names(1), &[frames.len()]);
         keys.iter_mut().for_each(|key| key.frame += first);
         let index = FrameIndex::of_keys(keys);
         Self { index, frames }
@@ -99,6 +99,7 @@ impl PointSequences {
         Ok(Self(Points {
             name,
             shape: vec![rows as u64, points as u64, coordinates as u64],
+            sequences: sequence_names(lengths.len()),
             lengths,
             names: numbered(points),
             values,
@@ -106,6 +107,12 @@ impl PointSequences {
             reading,
             notices: Vec::new(),
         }))
+    }
+
+    /// Gives the sequences names.
+    #[cfg(feature = "hdf5")]
+    pub(super) fn name_sequences(&mut self, names: Vec<String>) {
+        self.0.sequences = names;
     }
 
     /// The points as keypoints of a detector.

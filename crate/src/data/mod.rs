@@ -17,6 +17,8 @@ mod hdf5;
 mod image;
 mod join;
 mod memory;
+#[cfg(feature = "hdf5")]
+mod named_arrays;
 mod names;
 mod npy;
 mod npz;
@@ -24,6 +26,7 @@ mod points;
 mod reading;
 mod recording;
 mod resize;
+mod sequences;
 mod source;
 mod split;
 mod table;

@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use super::arrays::{ArrayInfo, CONFIDENCES, FRAMES, Kind, NAMES, POINTS, Values, Y_FIRST};
+use super::arrays::{ArrayInfo, CONFIDENCES, ENDS, FRAMES, Kind, NAMES, POINTS, Values, Y_FIRST};
 use crate::error::{Error, Result};
 use crate::memory;
 
@@ -42,12 +42,13 @@ impl NpyArray {
     }
 
     /// Whether an array of this name is needed as a whole, because it holds points, their names,
-    /// their axis order or how sure they are.
+    /// their axis order, how sure they are or where episodes end.
     pub fn is_needed_whole(name: &str) -> bool {
         Self::holds_points(name)
             || CONFIDENCES.contains(&name)
             || NAMES.contains(&name)
             || name == Y_FIRST
+            || name == ENDS
     }
 
     /// Whether an array of this name holds points.

@@ -19,7 +19,8 @@ use crate::memory;
 use crate::track::{GroundTruth, KeypointTrack};
 
 impl Recording {
-    /// Frames, and points if there are any, of an NPZ file.
+    /// Frames, and points if there are any, of an NPZ file; `array` names the array of frames, where
+    /// it is another one than `images` or `frames`.
     ///
     /// `np.savez` stores arrays as they are: frames are then read one by one from the file.
     /// `np.savez_compressed` packs them: they are unpacked into memory as a whole.
@@ -29,9 +30,10 @@ impl Recording {
     /// names the array.
     pub fn from_npz(
         reader: impl Read + Seek + Send + 'static,
+        array: Option<&str>,
         options: &TableOptions,
     ) -> Result<Self> {
-        Self::new(Box::new(Npz::open(reader)?), options)
+        Self::new(Box::new(Npz::open(reader, array)?), array, options)
     }
 
     /// As [`Recording::from_npz`], from the arrays of a file that is not in memory. Frames are not
@@ -40,7 +42,7 @@ impl Recording {
     /// # Errors
     /// As [`Recording::from_npz`].
     pub fn from_arrays(arrays: Vec<NpyArray>, options: &TableOptions) -> Result<Self> {
-        Self::new(Box::new(Npz::of(arrays)?), options)
+        Self::new(Box::new(Npz::of(arrays)?), None, options)
     }
 }
 
@@ -54,7 +56,7 @@ pub fn parse_npz_ground_truth(
     name: &str,
     options: &TableOptions,
 ) -> Result<Parsed<GroundTruth>> {
-    Npz::open(Cursor::new(bytes))
+    Npz::open(Cursor::new(bytes), None)
         .and_then(|file| points::ground_truth(&file, options))
         .map_err(|e| e.at(name))
 }
@@ -68,7 +70,7 @@ pub fn parse_npz_keypoints(
     name: &str,
     options: &TableOptions,
 ) -> Result<Parsed<KeypointTrack>> {
-    Npz::open(Cursor::new(bytes))
+    Npz::open(Cursor::new(bytes), None)
         .and_then(|file| points::keypoints(&file, options))
         .map_err(|e| e.at(name))
 }
@@ -165,8 +167,9 @@ enum Elements {
 }
 
 impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
-    /// Arrays that hold neither frames nor points are not looked into, whatever they unpack to.
-    fn open(reader: R) -> Result<Self> {
+    /// Arrays that hold neither frames, those of `frames` among them, nor points are not looked into,
+    /// whatever they unpack to.
+    fn open(reader: R, frames: Option<&str>) -> Result<Self> {
         let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
         let mut arrays = BTreeMap::new();
         let (mut unused, mut left_out) = (Vec::new(), Vec::new());
@@ -175,7 +178,8 @@ impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
             let Some(name) = entry.name().strip_suffix(".npy").map(str::to_owned) else {
                 continue;
             };
-            if !NpyArray::holds_frames(&name) && !NpyArray::is_needed_whole(&name) {
+            let holds_frames = NpyArray::holds_frames(&name) || frames == Some(name.as_str());
+            if !holds_frames && !NpyArray::is_needed_whole(&name) {
                 unused.push(name);
                 continue;
             }
@@ -183,7 +187,7 @@ impl<R: Read + Seek + Send> Npz<Mutex<ZipArchive<R>>> {
             let header = match Header::read(&mut entry) {
                 Ok(header) => header,
                 // Without names, or how sure they are, points are read all the same.
-                Err(e) if !NpyArray::holds_frames(&name) && !NpyArray::holds_points(&name) => {
+                Err(e) if !holds_frames && !NpyArray::holds_points(&name) => {
                     left_out.push(placed(e).to_string());
                     unused.push(name);
                     continue;

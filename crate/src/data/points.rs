@@ -1,15 +1,17 @@
 //! Points in an array of a recording.
 
-use ndarray::{Array2, Array3, s};
+use ndarray::{Array2, Array3, Axis, s};
 
 use super::arrays::{
-    ArrayFile, CONFIDENCES, NODES, POINTS, TRACKS, Values, check_frames, count, find, listed,
+    ArrayFile, CONFIDENCES, KEYPOINT, NODES, POINTS, TRACKS, Values, check_declared, check_frames,
+    count, find, listed,
 };
 use super::names::cleaned;
 use super::reading::{
     AxisOrder, Ground, Known, Layout, Notice, Parsed, Reading, Space, TableOptions,
     missing_image_size, point_notices,
 };
+use super::sequences::{Episode, Sequences, Within};
 use crate::error::{Error, Reason, Result};
 use crate::memory;
 use crate::track::{FrameKey, GroundTruth, KeypointTrack, MOST_AXES};
@@ -31,7 +33,7 @@ pub(super) fn keypoints(
 }
 
 fn points(file: &dyn ArrayFile, options: &TableOptions) -> Result<Points> {
-    match Points::read(file, options)? {
+    match Points::read(file, &Sequences::of(file)?, options)? {
         Some(points) => Ok(points),
         None => Err(missing(file)?),
     }
@@ -41,8 +43,9 @@ fn points(file: &dyn ArrayFile, options: &TableOptions) -> Result<Points> {
 pub(super) fn missing(file: &dyn ArrayFile) -> Result<Error> {
     Ok(Error::input(format!(
         "no array of points; expected `keypoints` or `sites`, found {}",
-        listed(&file.names()?)
-    )))
+        listed(&Sequences::of(file)?.names(file)?)
+    ))
+    .because(Reason::NoPoints))
 }
 
 /// The error of an array that holds something else than numbers.
@@ -56,7 +59,9 @@ pub(super) fn no_numbers(name: &str, dtype: &str) -> Error {
 pub(super) struct Points {
     pub name: &'static str,
     pub shape: Vec<u64>,
-    /// The number of frames of every sequence.
+    /// The names of the sequences.
+    pub sequences: Vec<String>,
+    /// The number of frames of each.
     pub lengths: Vec<usize>,
     /// The frames of all sequences x points x 2, or 3 in space.
     pub values: Array3<f64>,
@@ -136,7 +141,7 @@ impl Arrangement {
     }
 }
 
-fn floats(values: Values) -> Vec<f64> {
+pub(super) fn floats(values: Values) -> Vec<f64> {
     match values {
         Values::U8(values) => values.into_iter().map(f64::from).collect(),
         Values::F32(values) => values.into_iter().map(f64::from).collect(),
@@ -145,7 +150,128 @@ fn floats(values: Values) -> Vec<f64> {
 }
 
 impl Points {
-    pub fn read(file: &dyn ArrayFile, options: &TableOptions) -> Result<Option<Self>> {
+    /// The points of all sequences; none where there is no array of them.
+    pub fn read(
+        file: &dyn ArrayFile,
+        sequences: &Sequences,
+        options: &TableOptions,
+    ) -> Result<Option<Self>> {
+        match sequences {
+            Sequences::Axis => Self::of_array(file, options),
+            Sequences::Groups(episodes) => Self::of_groups(file, episodes, options),
+            Sequences::Ends { group, lengths } => {
+                let group = (*group).to_owned();
+                let points = Self::of_array(&Within { file, group }, options)?;
+                points.map(|points| points.divided(lengths)).transpose()
+            }
+        }
+    }
+
+    /// Points of episodes that have a group each.
+    fn of_groups(
+        file: &dyn ArrayFile,
+        episodes: &[Episode],
+        options: &TableOptions,
+    ) -> Result<Option<Self>> {
+        let places = episodes
+            .iter()
+            .map(|episode| episode.points(file))
+            .collect::<Result<Vec<_>>>()?;
+        if places.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let mut declared = 0_u64;
+        for place in places.iter().flatten() {
+            let shape = find(place, &POINTS)?.map(|(_, info)| info.shape);
+            let sides = shape.iter().flatten();
+            let bytes = sides.fold(8, |bytes: u64, side| bytes.saturating_mul(*side));
+            declared = declared.saturating_add(bytes);
+        }
+        if let Some(size) = file.size() {
+            check_declared(declared, size, "the points of all episodes")?;
+        }
+        let mut all: Option<Self> = None;
+        for (episode, place) in episodes.iter().zip(places) {
+            let mut next = || -> Result<()> {
+                let place = place.as_ref().ok_or_else(|| {
+                    Error::input("there are no points, unlike in other episodes of the file")
+                })?;
+                let Some(mut points) = Self::of_array(place, options)? else {
+                    return Ok(());
+                };
+                points.sequences = vec![episode.name.clone(); points.lengths.len()];
+                match &mut all {
+                    Some(all) => all.append(points),
+                    None => {
+                        all = Some(points);
+                        Ok(())
+                    }
+                }
+            };
+            next().map_err(|e| e.at(format!("`{}`", episode.path)))?;
+        }
+        Ok(all)
+    }
+
+    /// Adds the points of the next sequence.
+    fn append(&mut self, next: Self) -> Result<()> {
+        if next.lengths.len() != 1 || next.values.dim().1 != self.values.dim().1 {
+            return Err(Error::mismatch(format!(
+                "`{}` has shape {:?}, and {:?} in the first episode; expected the same points of \
+                 one sequence",
+                next.name, next.shape, self.shape
+            )));
+        }
+        if next.names != self.names || next.values.dim().2 != self.values.dim().2 {
+            return Err(Error::mismatch(format!(
+                "`{}` has the points {}, and {} in the first episode; expected the same",
+                next.name,
+                next.names.join(", "),
+                self.names.join(", ")
+            )));
+        }
+        if self.confidence.is_some() || next.confidence.is_some() {
+            let (mut own, of_next) = (self.confidences(), next.confidences());
+            own.append(Axis(0), of_next.view())
+                .map_err(|e| Error::input(e.to_string()))?;
+            self.confidence = Some(own);
+        }
+        let values = self.values.append(Axis(0), next.values.view());
+        values.map_err(|e| Error::input(e.to_string()))?;
+        self.sequences.extend(next.sequences);
+        self.lengths.extend(next.lengths);
+        for notice in next.notices {
+            if !self.notices.contains(&notice) {
+                self.notices.push(notice);
+            }
+        }
+        Ok(())
+    }
+
+    /// The confidences; NaN where there is none.
+    fn confidences(&self) -> Array2<f64> {
+        let (frames, points, _) = self.values.dim();
+        let none = || Array2::from_elem((frames, points), f64::NAN);
+        self.confidence.clone().unwrap_or_else(none)
+    }
+
+    /// The frames of one array as sequences of these lengths.
+    fn divided(mut self, lengths: &[usize]) -> Result<Self> {
+        let frames: usize = lengths.iter().sum();
+        if self.lengths != [frames] {
+            return Err(Error::input(format!(
+                "`{}` has shape {:?}, and the last episode ends at {frames}; expected so many \
+                 frames one after the other",
+                self.name, self.shape
+            )));
+        }
+        self.sequences = episode_names(lengths.len());
+        self.lengths = lengths.to_vec();
+        Ok(self)
+    }
+
+    /// The points of one array, whose sequences are an axis of it.
+    fn of_array(file: &dyn ArrayFile, options: &TableOptions) -> Result<Option<Self>> {
         let Some((name, info)) = find(file, &POINTS)? else {
             return Ok(None);
         };
@@ -185,6 +311,13 @@ impl Points {
         let rows = sequences * frames;
         let given = floats(file.read(name, &[])?);
         let coordinates = if options.xy_only { 2 } else { axes_in_file };
+        if name == KEYPOINT && coordinates == 2 && options.space.is_none() {
+            return Err(Error::input(format!(
+                "the unit of `{name}` is that of its simulator, and the file does not say which; \
+                 expected the unit"
+            ))
+            .because(Reason::UnknownUnit));
+        }
         let mut values: Vec<f64> = match arrangement {
             Arrangement::Frames if coordinates < axes_in_file => {
                 let points = given.chunks_exact(axes_in_file);
@@ -292,6 +425,7 @@ impl Points {
             confidence,
             reading,
             shape: info.shape,
+            sequences: sequence_names(sequences),
             lengths: vec![frames; sequences],
             values,
             names,
@@ -305,7 +439,7 @@ impl Points {
             "keypoints are missing or not finite",
         ));
         Ok(Parsed {
-            content: KeypointTrack::new(keys(&self.lengths), self.values)?
+            content: KeypointTrack::new(keys(&self.sequences, &self.lengths), self.values)?
                 .with_confidence(self.confidence)?,
             reading: self.reading,
             notices,
@@ -316,6 +450,10 @@ impl Points {
         if let Some(((t, k, _), value)) = self.values.indexed_iter().find(|(_, v)| v.is_infinite())
         {
             let [sequence, frame] = numbers(&self.lengths, t);
+            let sequence = match self.sequences.get(sequence) {
+                Some(name) if *name != seq_name(sequence) => name.clone(),
+                _ => sequence.to_string(),
+            };
             return Err(Error::input(format!(
                 "`{}`: point {k} is {value} in sequence {sequence}, frame {frame}; expected finite numbers, or NaN where \
                  the object is not visible",
@@ -328,8 +466,12 @@ impl Points {
             "positions are missing: the object counts as not visible in that frame",
         ));
         Ok(Parsed {
-            content: GroundTruth::new(keys(&self.lengths), self.names, self.values)?
-                .with_confidence(self.confidence)?,
+            content: GroundTruth::new(
+                keys(&self.sequences, &self.lengths),
+                self.names,
+                self.values,
+            )?
+            .with_confidence(self.confidence)?,
             reading: self.reading,
             notices,
         })
@@ -442,14 +584,28 @@ fn names_of_sleap(file: &dyn ArrayFile, points: usize, individuals: usize) -> Re
     Ok((0..points).map(name).collect())
 }
 
-/// The frames of sequences of these lengths: `seq_0000`, `seq_0001`, …, counted from 0.
-pub(super) fn keys(lengths: &[usize]) -> Vec<FrameKey> {
-    let key = |s: usize, t: usize| FrameKey {
-        sequence: format!("seq_{s:04}"),
+/// What the sequences of an array are called, which have no names: `seq_0000`, `seq_0001`, …
+pub(super) fn sequence_names(count: usize) -> Vec<String> {
+    (0..count).map(seq_name).collect()
+}
+
+fn seq_name(number: usize) -> String {
+    format!("seq_{number:04}")
+}
+
+/// What episodes are called that have no names: `episode_0`, `episode_1`, …
+pub(super) fn episode_names(count: usize) -> Vec<String> {
+    (0..count).map(|n| format!("episode_{n}")).collect()
+}
+
+/// The frames of sequences of these names and lengths, counted from 0.
+pub(super) fn keys(names: &[String], lengths: &[usize]) -> Vec<FrameKey> {
+    let key = |name: &String, t: usize| FrameKey {
+        sequence: name.clone(),
         frame: t as u64,
     };
-    let sequences = lengths.iter().enumerate();
+    let sequences = names.iter().zip(lengths);
     sequences
-        .flat_map(|(s, frames)| (0..*frames).map(move |t| key(s, t)))
+        .flat_map(|(name, frames)| (0..*frames).map(move |t| key(name, t)))
         .collect()
 }

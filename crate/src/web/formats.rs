@@ -53,7 +53,7 @@ fn read(bytes: Vec<u8>) -> Result<Hdf5Points> {
     }
 }
 
-fn table_to_js(Export { table, space }: &Export) -> JsResult<JsValue> {
+fn table_to_js(Export { table, space, .. }: &Export) -> JsResult<JsValue> {
     let space = space.map(|space| JsValue::from(space.name()));
     object([
         ("table", Uint8Array::from(&table[..]).into()),

@@ -1,6 +1,8 @@
 //! Points of an HDF5 file as arrays of numpy, which are read as those of an NPZ file.
 
-use crate::data::arrays::{ArrayFile, CONFIDENCES, NODES, POINTS, TRACKS, Values, Y_FIRST, find};
+use crate::data::arrays::{
+    ArrayFile, CONFIDENCES, ENDS, NODES, POINTS, TRACKS, Values, Y_FIRST, find,
+};
 use crate::data::npy::{self, NpyArray};
 use crate::data::points::{missing, no_numbers};
 use crate::data::reading::AxisOrder;
@@ -28,7 +30,7 @@ pub fn points(file: &dyn ArrayFile) -> Result<Vec<NpyArray>> {
         return Err(no_numbers(name, &info.dtype));
     }
     let mut arrays = Vec::new();
-    for name in POINTS.iter().chain(&CONFIDENCES) {
+    for name in POINTS.iter().chain(&CONFIDENCES).chain(&[ENDS]) {
         let Some(info) = file.info(name)? else {
             continue;
         };

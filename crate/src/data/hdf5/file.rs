@@ -5,7 +5,7 @@ use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, S
 
 use super::errors::{broken, unreadable};
 use super::scalar::{Scalar, check_size, numbers};
-use crate::data::arrays::{ArrayFile, ArrayInfo, Kind, Values};
+use crate::data::arrays::{ArrayFile, ArrayInfo, Kind, Members, Values};
 use crate::data::reading::AxisOrder;
 use crate::error::{Error, Result};
 
@@ -72,12 +72,25 @@ fn chunks_of_a_sequence(file: &Hdf5File, name: &str) -> Option<u64> {
 
 impl ArrayFile for Hdf5 {
     fn names(&self) -> Result<Vec<String>> {
-        let names = self.file.root_group().and_then(|root| root.member_names());
-        names.map(|(_, datasets)| datasets).map_err(|e| broken(&e))
+        Ok(self.members("")?.arrays)
+    }
+
+    fn members(&self, group: &str) -> Result<Members> {
+        let mut found = self.file.root_group().map_err(|e| broken(&e))?;
+        for part in group.split('/').filter(|part| !part.is_empty()) {
+            // By name: listing a group of thousands of episodes for each of them takes long.
+            found = match found.group(part) {
+                Err(hdf5_reader::error::Error::GroupNotFound(_)) => return Ok(Members::default()),
+                next => next.map_err(|e| unreadable(group, &e))?,
+            };
+        }
+        let (groups, arrays) = found.member_names().map_err(|e| broken(&e))?;
+        Ok(Members { groups, arrays })
     }
 
     fn info(&self, name: &str) -> Result<Option<ArrayInfo>> {
-        if !self.names()?.iter().any(|n| n == name) {
+        let (group, own) = name.rsplit_once('/').unwrap_or(("", name));
+        if !self.members(group)?.arrays.iter().any(|n| n == own) {
             return Ok(None);
         }
         let dataset = self.file.dataset(name).map_err(|e| unreadable(name, &e))?;
@@ -85,29 +98,7 @@ impl ArrayFile for Hdf5 {
         if let Datatype::Compound { .. } = dataset.dtype() {
             return Ok(None);
         }
-        let (kind, dtype) = match dataset.dtype() {
-            Datatype::FixedPoint {
-                size: 1,
-                signed: false,
-                ..
-            } => (Some(Kind::U8), "uint8".to_owned()),
-            Datatype::FloatingPoint { size: 4, .. } => (Some(Kind::F32), "float32".to_owned()),
-            Datatype::FloatingPoint { size: 8, .. } => (Some(Kind::F64), "float64".to_owned()),
-            other => (
-                Scalar::of(other).map(|_| Kind::Number),
-                match other {
-                    Datatype::FixedPoint { size, signed, .. } => {
-                        let sign = if *signed { "" } else { "u" };
-                        format!("{sign}int{}", u16::from(*size) * 8)
-                    }
-                    Datatype::FloatingPoint { size, .. } => {
-                        format!("float{}", u16::from(*size) * 8)
-                    }
-                    Datatype::Enum { .. } => "an enumeration".to_owned(),
-                    _ => "no number".to_owned(),
-                },
-            ),
-        };
+        let (kind, dtype) = kind(dataset.dtype());
         Ok(Some(ArrayInfo {
             shape: dataset.shape().to_vec(),
             dtype,
@@ -126,7 +117,7 @@ impl ArrayFile for Hdf5 {
         for (element, index) in selection.selections.iter_mut().zip(leading) {
             *element = SliceInfoElem::Index(*index);
         }
-        match self.info(name)?.and_then(|info| info.kind) {
+        match kind(dataset.dtype()).0 {
             Some(Kind::U8) => elements(&dataset, &selection).map(Values::U8),
             Some(Kind::F32) => elements(&dataset, &selection).map(Values::F32),
             Some(Kind::F64) => elements(&dataset, &selection).map(Values::F64),
@@ -140,6 +131,10 @@ impl ArrayFile for Hdf5 {
             }
         }
         .map_err(failed)
+    }
+
+    fn size(&self) -> Option<u64> {
+        Some(self.file.storage().len())
     }
 
     fn axes(&self) -> Option<AxisOrder> {
@@ -203,6 +198,26 @@ impl ArrayFile for Hdf5 {
                 .collect(),
         ))
     }
+}
+
+/// How elements of a type are read, and what it is called.
+fn kind(datatype: &Datatype) -> (Option<Kind>, String) {
+    let called = match datatype {
+        Datatype::FixedPoint { size, signed, .. } => {
+            let sign = if *signed { "" } else { "u" };
+            format!("{sign}int{}", u16::from(*size) * 8)
+        }
+        Datatype::FloatingPoint { size, .. } => format!("float{}", u16::from(*size) * 8),
+        Datatype::Enum { .. } => "an enumeration".to_owned(),
+        _ => "no number".to_owned(),
+    };
+    let kind = match (datatype, called.as_str()) {
+        (Datatype::FixedPoint { .. }, "uint8") => Some(Kind::U8),
+        (_, "float32") => Some(Kind::F32),
+        (_, "float64") => Some(Kind::F64),
+        _ => Scalar::of(datatype).map(|_| Kind::Number),
+    };
+    (kind, called)
 }
 
 fn elements<T: H5Type + Clone>(

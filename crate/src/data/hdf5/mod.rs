@@ -16,11 +16,13 @@ use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
 
 use super::arrays::{FRAMES, find};
 use super::export::Export;
+use super::named_arrays;
 use super::npy::NpyArray;
 use super::points;
 use super::reading::{Parsed, TableOptions};
 use super::recording::Recording;
-use crate::error::Result;
+use super::table::Columns;
+use crate::error::{Error, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 use errors::broken;
 use file::Hdf5;
@@ -29,9 +31,10 @@ use file::Hdf5;
 pub const HDF5_MAGIC: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
 
 impl Recording {
-    /// Frames, and points if there are any, of an HDF5 file in memory. Without `options.axes` the
-    /// file's attribute `save/format/y_first` decides the order of the points' coordinates, else it
-    /// is (x, y).
+    /// Frames, and points if there are any, of an HDF5 file in memory; `array` names the array of
+    /// frames, where it is another one than `images` or `frames`, or one of several cameras. Without
+    /// `options.axes` the file's attribute `save/format/y_first` decides the order of the points'
+    /// coordinates, else it is (x, y).
     ///
     /// Points are named by an array of strings `names`, or by the attributes that the authors'
     /// `record.py` leaves: the objects, then the links as `link_4`. Of PandaPush, `object` is
@@ -40,8 +43,12 @@ impl Recording {
     /// # Errors
     /// When the file is no whole HDF5 file, or its arrays do not hold frames and points; the
     /// message names the array.
-    pub fn from_hdf5_bytes(bytes: Vec<u8>, options: &TableOptions) -> Result<Self> {
-        Self::from_storage(Arc::new(BytesStorage::new(bytes)), options)
+    pub fn from_hdf5_bytes(
+        bytes: Vec<u8>,
+        array: Option<&str>,
+        options: &TableOptions,
+    ) -> Result<Self> {
+        Self::from_storage(Arc::new(BytesStorage::new(bytes)), array, options)
     }
 
     /// As [`Recording::from_hdf5_bytes`], of an open file; frames are read from it when they are
@@ -49,15 +56,17 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Recording::from_hdf5_bytes`].
-    pub fn from_hdf5_file(file: File, options: &TableOptions) -> Result<Self> {
-        Self::from_storage(
-            Arc::new(FileStorage::from_file(file).map_err(|e| broken(&e))?),
-            options,
-        )
+    pub fn from_hdf5_file(file: File, array: Option<&str>, options: &TableOptions) -> Result<Self> {
+        let storage = FileStorage::from_file(file).map_err(|e| broken(&e))?;
+        Self::from_storage(Arc::new(storage), array, options)
     }
 
-    fn from_storage(storage: DynStorage, options: &TableOptions) -> Result<Self> {
-        Self::new(Box::new(Hdf5::open(storage)?), options)
+    fn from_storage(
+        storage: DynStorage,
+        array: Option<&str>,
+        options: &TableOptions,
+    ) -> Result<Self> {
+        Self::new(Box::new(Hdf5::open(storage)?), array, options)
     }
 }
 
@@ -93,7 +102,8 @@ impl Hdf5Points {
 }
 
 /// Reads the points of an open HDF5 file as a ground truth; it need not have frames. `name` is the
-/// file's, for messages, and of the sequence where the file has none.
+/// file's, for messages, and of the sequence where the file has none. `columns` says which column of
+/// a table is what, or which array has the positions of which object (`eef=obs/robot0_eef_pos`).
 ///
 /// # Errors
 /// As [`Recording::from_hdf5_bytes`], and for a table as
@@ -101,13 +111,29 @@ impl Hdf5Points {
 pub fn read_hdf5_ground_truth(
     file: File,
     name: &str,
+    columns: Option<&Columns>,
     options: &TableOptions,
 ) -> Result<Parsed<GroundTruth>> {
-    let file = of_file(file).map_err(|e| e.at(name))?;
-    match export(&file).map_err(|e| e.at(name))? {
-        Some(table) => table.ground_truth(name, options),
-        None => points::ground_truth(&file, options).map_err(|e| e.at(name)),
+    let read = || {
+        let file = of_file(file)?;
+        match (export(&file)?, columns) {
+            (Some(table), _) => table.renamed(columns, false).map(Points::Table),
+            (None, Some(columns)) => {
+                named_arrays::ground_truth(&file, columns, options).map(Points::Read)
+            }
+            (None, None) => points::ground_truth(&file, options).map(Points::Read),
+        }
+    };
+    match read().map_err(|e: Error| e.at(name))? {
+        Points::Table(table) => table.ground_truth(name, options),
+        Points::Read(points) => Ok(points),
     }
+}
+
+/// Points as the table that its program would export, or read already.
+enum Points<T> {
+    Table(Export),
+    Read(Parsed<T>),
 }
 
 /// As [`read_hdf5_ground_truth`], of keypoints of a detector.
@@ -117,12 +143,19 @@ pub fn read_hdf5_ground_truth(
 pub fn read_hdf5_keypoints(
     file: File,
     name: &str,
+    columns: Option<&Columns>,
     options: &TableOptions,
 ) -> Result<Parsed<KeypointTrack>> {
-    let file = of_file(file).map_err(|e| e.at(name))?;
-    match export(&file).map_err(|e| e.at(name))? {
-        Some(table) => table.keypoints(name, options),
-        None => points::keypoints(&file, options).map_err(|e| e.at(name)),
+    let read = || {
+        let file = of_file(file)?;
+        match export(&file)? {
+            Some(table) => table.renamed(columns, true).map(Points::Table),
+            None => points::keypoints(&file, options).map(Points::Read),
+        }
+    };
+    match read().map_err(|e: Error| e.at(name))? {
+        Points::Table(table) => table.keypoints(name, options),
+        Points::Read(points) => Ok(points),
     }
 }
 

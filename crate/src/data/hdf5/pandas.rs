@@ -8,9 +8,9 @@ use hdf5_reader::group::Group;
 use hdf5_reader::{Dataset, Datatype, Hdf5File};
 
 use super::errors::{broken, unreadable};
-use super::records::{Field, Records, number_text};
+use super::records::{Field, Records};
 use super::scalar::{Scalar, bytes, numbers};
-use crate::data::export::Export;
+use crate::data::export::{Export, number_text};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::pickle::{Id, Node, Pickle};

@@ -3,6 +3,7 @@
 use hdf5_reader::{CompoundField, Dataset, Datatype, StringSize};
 
 use super::scalar::{Scalar, bytes};
+use crate::data::export::number_text;
 use crate::error::{Error, Result};
 
 /// The records of a data set.
@@ -149,15 +150,5 @@ impl Records {
                 String::from_utf8_lossy(&bytes[..end]).into_owned()
             }
         }
-    }
-}
-
-/// A number with every digit that is needed to read it again; nothing for NaN.
-pub fn number_text(number: f64) -> String {
-    match number {
-        _ if number.is_nan() => String::new(),
-        _ if number.fract() == 0.0 && number.abs() < 1e15 => format!("{number}"),
-        // Unlike `{}`, with an exponent where there would be many zeros.
-        _ => format!("{number:?}"),
     }
 }

@@ -5,15 +5,8 @@ use hdf5_reader::error::ByteOrder;
 use hdf5_reader::{Dataset, Datatype};
 
 use super::errors::unreadable;
+use crate::data::arrays::check_declared;
 use crate::error::{Error, Result};
-use crate::memory;
-
-/// Data sets of so many bytes may declare them however small the file is.
-const SMALL: u64 = 4 << 20;
-/// What a larger one may declare for a byte of its file.
-const MOST_PACKED: u64 = 400;
-/// Bytes that become of one: numbers, their text, and the points read from it.
-const MADE: u64 = 12;
 
 /// How a number is stored.
 #[derive(Debug, Clone, Copy)]
@@ -101,13 +94,7 @@ pub fn bytes(dataset: &Dataset, name: &str, file: u64) -> Result<Vec<u8>> {
 pub fn check_size(dataset: &Dataset, name: &str, file: u64) -> Result<()> {
     let size = dataset.raw_byte_len();
     let size = size.map_err(|e| unreadable(name, &e))? as u64;
-    if size > SMALL && size / MOST_PACKED > file {
-        return Err(Error::input(format!(
-            "`{name}` declares {size} bytes, more than {MOST_PACKED} times the file; is it damaged?"
-        )));
-    }
-    let taken = size.saturating_mul(MADE);
-    memory::check(taken, "values", "split the file").map_err(|e| e.at(format!("`{name}`")))
+    check_declared(size, file, &format!("`{name}`"))
 }
 
 /// All numbers of a data set, row by row; its file has `file` bytes.

@@ -9,9 +9,9 @@ use hdf5_reader::Hdf5File;
 use serde_json::Value;
 
 use super::errors::{broken, unreadable};
-use super::records::{Field, Records, number_text};
+use super::records::{Field, Records};
 use super::scalar::bytes;
-use crate::data::export::Export;
+use crate::data::export::{Export, number_text};
 use crate::error::{Error, Result};
 
 /// The most bytes of JSON that are read of a file.

@@ -45,6 +45,13 @@ impl Columns {
         }
     }
 
+    /// The names that are expected, each with the one in its place, where there is one.
+    #[cfg(feature = "hdf5")]
+    pub(in crate::data) fn pairs(&self) -> impl Iterator<Item = (&str, &str)> {
+        let given = self.given.iter();
+        given.filter_map(|(expected, given)| Some((expected.as_str(), given.as_deref()?)))
+    }
+
     /// The table with the names that are expected of ground truth, or of keypoints. Of a table with
     /// one row a point, a column for the sequence or the point that is neither there nor given is
     /// added: all rows have the same.
