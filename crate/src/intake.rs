@@ -83,6 +83,7 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             Role::Recording,
             format!("points, by its ending `.{ending}`"),
         ),
+        "parquet" => for_terminal("Parquet", "data convert FILE OUT.csv` makes a table of one"),
         "zip" if Format::of(head).is_none() => sure(
             Role::Archive,
             "a ZIP archive, by its ending `.zip`".to_owned(),
@@ -106,6 +107,12 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             ),
         },
     }
+}
+
+/// A file that the page does not read.
+fn for_terminal(format: &str, remedy: &str) -> (Role, String, bool) {
+    let reason = format!("{format} files are for the terminal: `tracklens {remedy}");
+    (Role::Unknown, reason, false)
 }
 
 fn table(head: &[u8]) -> (Role, String, bool) {

@@ -110,3 +110,92 @@ fn one_array_is_divided_where_its_episodes_end() {
     let truth = recording.truth().expect("points");
     assert_eq!(truth.keys(), recording.index().keys());
 }
+
+#[cfg(feature = "parquet")]
+mod parquet {
+    use tracklens::data::export_parquet;
+
+    use super::public;
+
+    fn table(name: &str) -> String {
+        let export = export_parquet(public(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        String::from_utf8(export.table).expect("text")
+    }
+
+    #[test]
+    fn numbers_of_32_bits_keep_their_values() {
+        let table = table("wide-f4.parquet");
+        let mut lines = table.lines();
+        let header = "frame,nose_x,nose_y,tail_x,tail_y";
+        assert_eq!(lines.next(), Some(header));
+        let mut count = 0;
+        for line in lines {
+            for cell in line.split(',').skip(1) {
+                let value: f64 = cell.parse().expect("a number");
+                assert_eq!(f64::from(value as f32).to_bits(), value.to_bits(), "{cell}");
+                count += 1;
+            }
+        }
+        assert_eq!(count, 160);
+    }
+
+    #[test]
+    fn lists_become_columns_and_episodes_sequences() {
+        let lists = table("lists.parquet");
+        let mut lines = lists.lines();
+        assert_eq!(lines.next(), Some("frame,cube_0,cube_1,cube_2"));
+        let rows: Vec<&str> = lines.collect();
+        // Row 3 has no list, row 9 an empty one, every second one a value that is missing.
+        assert_eq!(rows[3], "3,,,");
+        assert_eq!(rows[9], "9,,,");
+        assert!(
+            rows[5].ends_with(',') && !rows[5].ends_with(",,"),
+            "{}",
+            rows[5]
+        );
+        let robot = table("lerobot.parquet");
+        let header = robot.lines().next().expect("a header");
+        assert!(
+            header.starts_with("observation.state_0,observation.state_1,"),
+            "{header}"
+        );
+        assert!(
+            header.ends_with(",action_0,action_1,sequence,frame,next.done"),
+            "{header}"
+        );
+        let last = robot.lines().last().expect("a row");
+        assert!(last.ends_with(",episode_000002,7,True"), "{last}");
+    }
+
+    #[test]
+    fn a_file_that_is_cut_is_refused() {
+        for name in ["tidy-none.parquet", "tidy-zstd.parquet"] {
+            let whole = public(name);
+            for length in 0..whole.len() {
+                let cut = export_parquet(whole[..length].to_vec());
+                let error = cut.expect_err("a part of a file").to_string();
+                assert!(
+                    error.contains("not a whole Parquet file"),
+                    "{length}: {error}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_is_an_error_or_another_table() {
+        // Plain pages, a dictionary, deltas and split bytes; then pages of version 2.
+        for name in [
+            "tidy-none.parquet",
+            "tidy-delta.parquet",
+            "tidy-pages-2.parquet",
+        ] {
+            let whole = public(name);
+            for bit in (0..whole.len() * 8).step_by(17) {
+                let mut flipped = whole.clone();
+                flipped[bit / 8] ^= 1 << (bit % 8);
+                let _ = export_parquet(flipped);
+            }
+        }
+    }
+}

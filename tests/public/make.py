@@ -19,6 +19,8 @@ import zlib
 import h5py
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import tables
 
 HERE = pathlib.Path(__file__).parent
@@ -95,7 +97,7 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
     found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
     if beside is not None:
         found["beside"] = beside
-    if beside is not None:
+    if beside is not None or name.endswith(".parquet"):
         found["terminal_only"] = True
     if refused is not None:
         found["refused"] = refused
@@ -567,6 +569,80 @@ case("robomimic-some.hdf5", some, refused="`data/demo_1`: there are no points, u
 case("episodes.npz", npz(keypoints=N, episode_ends=ENDS, images=frames(np.arange(T))), **of_episodes)
 case("episodes-short.npz", npz(keypoints=N, episode_ends=ENDS[:2]), refused="the last episode ends at 32", **of_episodes)
 case("episodes-descending.npz", npz(keypoints=N, episode_ends=ENDS[::-1]), refused="`episode_ends`: ", **of_episodes)
+
+
+# Parquet: tables as pandas and polars write them, and data of LeRobot, with a row a frame.
+def parquet(table, **given):
+    """As pyarrow writes it, with the same bytes every time; pandas notes its index."""
+    out = io.BytesIO()
+    table = pa.Table.from_pandas(table) if isinstance(table, pd.DataFrame) else table
+    pq.write_table(table, out, **given)
+    return out.getvalue()
+
+
+tidy_table = pd.read_csv(io.StringIO(tidy(N)), dtype={"object": "str"})
+wide_table = pd.read_csv(io.StringIO(wide(N)))
+case("tidy.parquet", parquet(tidy_table))
+for packed in ["none", "gzip", "lz4", "zstd"]:
+    case(f"tidy-{packed}.parquet", parquet(tidy_table, compression=packed))
+case("tidy-pages-2.parquet", parquet(tidy_table, data_page_version="2.0", data_page_size=256, use_dictionary=False))
+case("tidy-delta.parquet", parquet(tidy_table, compression="none", use_dictionary=False, column_encoding={"frame": "DELTA_BINARY_PACKED", "object": "PLAIN", "x": "BYTE_STREAM_SPLIT"}))
+case("tidy-text-deltas.parquet", parquet(tidy_table, use_dictionary=False, column_encoding={"object": "DELTA_BYTE_ARRAY"}), refused="column `object`: its texts are stored as deltas")
+case("wide.parquet", parquet(wide_table, row_group_size=7))
+case("wide-hidden.parquet", parquet(pd.read_csv(io.StringIO(wide(ndc(hidden()))))), points=hidden())
+single = ((N.astype("f4").astype(float) + 1) * SIZE - 1) / 2
+case("wide-f4.parquet", parquet(pd.read_csv(io.StringIO(wide(N))).astype({f"{name}_{axis}": "f4" for name in NAMES for axis in "xy"})), points=single)
+other = tidy_table.rename(columns={"frame": "t", "object": "label", "x": "px", "y": "py"}).drop(columns="sequence")
+case("other-columns.parquet", parquet(other), options={"columns": "x=px,y=py,frame=t,object=label"})
+seen_table = tidy_table.assign(visible=True)
+for frame, point in HIDDEN:
+    seen_table.loc[2 * frame + point, "visible"] = False
+case("tidy-visible.parquet", parquet(seen_table), points=hidden())
+struct_table = pa.Table.from_pandas(tidy_table)
+struct_table = struct_table.append_column("camera", pa.array([{"name": "a", "f": [1.0, 2.0]}] * 2 * T))
+struct_table = struct_table.append_column("image", pa.array([b"\x89PNG"] * 2 * T))
+struct_table = struct_table.append_column("time", pa.array([0] * 2 * T, pa.timestamp("us")))
+case("tidy-others.parquet", parquet(struct_table), notes=["left out 3 column(s) that hold neither numbers nor text", "`camera` (of a struct)", "`image` (bytes)", "`time` (a time)"])
+
+
+def lerobot(name_of_points, points, **given):
+    """The frames of all episodes with lists of fixed length, as LeRobot's data/chunk-000/file-000.parquet."""
+    flat = pa.array(points.reshape(T, -1).astype("f4").ravel(), pa.float32())
+    lists = pa.FixedSizeListArray.from_arrays(flat, points[0].size)
+    state = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(2 * T), pa.float32()), 2)
+    number = lambda values: pa.array(np.asarray(values), pa.int64())
+    return parquet(
+        pa.table(
+            {
+                "observation.state": state,
+                name_of_points: lists,
+                "action": state,
+                "episode_index": number([s for s, of in enumerate(EPISODES) for _ in of]),
+                "frame_index": number([i - of[0] for of in EPISODES for i in of]),
+                "timestamp": pa.array(t / 10, pa.float32()),
+                "next.done": pa.array([i == of[-1] for of in EPISODES for i in of]),
+                "index": number(t),
+                "task_index": number(0 * t),
+            }
+        ),
+        **given,
+    )
+
+
+environment = "observation.environment_state"
+of_columns = [f"{name}_{axis}={environment}_{2 * p + a}" for p, name in enumerate(NAMES) for a, axis in enumerate("xy")]
+lerobot_noted = {"notes": ["read as LeRobot's data"], "beside": "keypoints-episodes.csv", "points": single}
+case("lerobot.parquet", lerobot(environment, N), options={"columns": ",".join(of_columns)}, **lerobot_noted)
+one = {"columns": f"x={environment}_0,y={environment}_1"}
+case("lerobot.parquet", lerobot(environment, N), options=one, **{**lerobot_noted, "points": single[:, :1]}, objects=["object"])
+ragged = pa.table({"frame": pa.array(t), "cube": pa.array([None if i == 3 else [] if i == 9 else [*N[i, 0], None][: 2 + i % 2] for i in range(T)])})
+gone = hidden(TRUTH[:, :1], [(3, 0), (9, 0)])
+case("lists.parquet", parquet(ragged), options={"columns": "cube_x=cube_0,cube_y=cube_1"}, objects=["cube"], points=gone, notes=["`cube_2`"])
+whole = parquet(tidy_table)
+case("tidy-cut.parquet", whole[:-20], refused="not a whole Parquet file")
+case("no-columns.parquet", parquet(struct_table.select(["camera", "image"])), refused="no column of numbers or text")
+keypoint_table = pd.read_csv(io.StringIO(tidy(ndc(KEYPOINTS), "keypoint", ["0", "1"])))
+case("keypoints.parquet", parquet(keypoint_table), role="keypoints")
 
 
 

@@ -9,7 +9,7 @@ use std::io::Cursor;
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::{
     ArchiveIndex, Frame, FrameSource as _, Hdf5Points, NpyArray, Recording, TableOptions,
-    export_pickle, ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth,
+    export_parquet, export_pickle, ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth,
     parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
 };
 use tracklens::detector::{Graph, Plan, Settings};
@@ -35,6 +35,7 @@ pub const ENTRIES: &[Entry] = &[
     entry("hdf5", hdf5),
     entry("hdf5_points", hdf5_points),
     entry("pickled_points", pickled_points),
+    entry("parquet", parquet),
     entry("safetensors", checkpoint),
     entry("pickle", checkpoint),
     entry("burnpack", checkpoint),
@@ -124,6 +125,13 @@ fn hdf5_points(bytes: &[u8]) {
 fn pickled_points(bytes: &[u8]) {
     if let Ok(table) = export_pickle(bytes) {
         let _ = black_box(table.keypoints("points.pkl", &with_size()));
+    }
+}
+
+/// Tables in Parquet files.
+fn parquet(bytes: &[u8]) {
+    if let Ok(table) = export_parquet(bytes.to_vec()) {
+        let _ = black_box(table.ground_truth("table.parquet", &with_size()));
     }
 }
 

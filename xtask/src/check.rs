@@ -14,10 +14,11 @@ use crate::workspace::Workspace;
 
 /// Features that have to stand alone, without what the others or the tests' dependencies happen to
 /// switch on.
-const FEATURES: [&str; 8] = [
+const FEATURES: [&str; 9] = [
     "data",
     "jpeg-webp",
     "hdf5",
+    "parquet",
     "engine",
     "report",
     "model",

@@ -12,9 +12,10 @@ use super::hints::hint;
 use crate::command_line;
 use crate::data::{
     AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice,
-    NpyArray, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC, export_pickle,
-    ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
-    parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
+    NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC,
+    export_parquet, export_pickle, ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth,
+    parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
+    read_hdf5_keypoints,
 };
 use crate::error::{Error, ErrorKind, Reason, Result, without_controls};
 use crate::pickle::is_pickle;
@@ -183,6 +184,10 @@ impl TruthArguments {
                 .and_then(|table| table.renamed(columns, false))
                 .map_err(|e| e.at(path.display()))?
                 .ground_truth(&name, &options)?,
+            Kind::Parquet => export_parquet(read(path)?)
+                .and_then(|table| table.renamed(columns, false))
+                .map_err(|e| e.at(path.display()))?
+                .ground_truth(&name, &options)?,
             Kind::Npy => ground_truth_of_arrays(vec![NpyArray::alone(read(path)?)], &options)
                 .map_err(|e| e.at(path.display()))?,
             Kind::Other => parse_ground_truth(&read_table(path, columns, false)?, &name, &options)?,
@@ -231,7 +236,7 @@ impl TruthArguments {
                 &options,
             )),
             Kind::Hdf5 => Some(Recording::from_hdf5_file(open(path)?, array, &options)),
-            Kind::Npy | Kind::Pickle | Kind::Other => None,
+            Kind::Npy | Kind::Pickle | Kind::Parquet | Kind::Other => None,
         })
     }
 
@@ -308,6 +313,7 @@ enum Kind {
     Hdf5,
     Npy,
     Pickle,
+    Parquet,
     Other,
 }
 
@@ -326,6 +332,7 @@ impl Kind {
             _ if head.starts_with(ZIP_MAGIC) => Self::Npz,
             _ if head.starts_with(HDF5_MAGIC) => Self::Hdf5,
             _ if head.starts_with(NPY_MAGIC) => Self::Npy,
+            _ if head.starts_with(PARQUET_MAGIC) => Self::Parquet,
             _ if is_pickle(head) => Self::Pickle,
             _ => Self::Other,
         }
@@ -560,6 +567,10 @@ fn keypoints_of(
     let table = match Kind::of(path)? {
         Kind::Hdf5 => read_hdf5_keypoints(open(path)?, &name, columns, options)?,
         Kind::Pickle => export_pickle(&read(path)?)
+            .and_then(|table| table.renamed(columns, true))
+            .map_err(|e| e.at(path.display()))?
+            .keypoints(&name, options)?,
+        Kind::Parquet => export_parquet(read(path)?)
             .and_then(|table| table.renamed(columns, true))
             .map_err(|e| e.at(path.display()))?
             .keypoints(&name, options)?,

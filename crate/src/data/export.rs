@@ -98,8 +98,16 @@ impl ExportWriter {
     }
 }
 
+#[cfg(feature = "parquet")]
+impl ExportWriter {
+    /// The bytes of the rows that are written, but for the last few.
+    pub fn size(&self) -> u64 {
+        self.0.get_ref().len() as u64
+    }
+}
+
 /// A number with every digit that is needed to read it again; nothing for NaN.
-#[cfg(feature = "hdf5")]
+#[cfg(any(feature = "hdf5", feature = "parquet"))]
 pub(super) fn number_text(number: f64) -> String {
     match number {
         _ if number.is_nan() => String::new(),

@@ -22,6 +22,8 @@ mod named_arrays;
 mod names;
 mod npy;
 mod npz;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod points;
 mod reading;
 mod recording;
@@ -32,6 +34,8 @@ mod split;
 mod table;
 mod tap_vid;
 
+#[cfg(feature = "parquet")]
+pub use self::parquet::{PARQUET_MAGIC, export_parquet};
 pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
     TAIL as ARCHIVE_TAIL, ZIP_MAGIC,
