@@ -83,6 +83,10 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             Role::Recording,
             format!("points, by its ending `.{ending}`"),
         ),
+        "zip" if file.to_ascii_lowercase().ends_with(".zarr.zip") => for_terminal(
+            "Zarr",
+            "data convert FILE OUT.npz` makes an NPZ file of one",
+        ),
         "parquet" => for_terminal("Parquet", "data convert FILE OUT.csv` makes a table of one"),
         "zip" if Format::of(head).is_none() => sure(
             Role::Archive,

@@ -21,6 +21,7 @@
 //! | `jpeg-webp` | JPEG and WebP images besides PNG | 73 |
 //! | `hdf5` | HDF5: recordings, data frames of pandas, projects of SLEAP | 78 |
 //! | `parquet` | Parquet: tables of pandas and polars, data of LeRobot | 84 |
+//! | `zarr` | Zarr: recordings, replay buffers of diffusion policy | 146 |
 //! | `space` | points with three coordinates | 22 |
 //! | `engine` | encoders on the CPU: `engine`, `extract` | 72 |
 //! | `onnx` | any detector as an ONNX model: `detector`; checkpoints and models by path: `weights` | 93 |
@@ -28,9 +29,9 @@
 //! | `model` | the SAEs as burn modules: `model` | 195 |
 //! | `train` | training: `train` | 208 |
 //! | `gpu` | burn's wgpu backend (Vulkan, Metal, Direct3D 12, OpenGL) as a device | 301 |
-//! | `cli` | the binary `tracklens`, without training | 194 |
+//! | `cli` | the binary `tracklens`, without training | 252 |
 //!
-//! The default features are `cli` and `train` (295 crates). The features that begin with `web` make
+//! The default features are `cli` and `train` (336 crates). The features that begin with `web` make
 //! the parts of the npm package and are of no use in Rust.
 
 #[cfg(any(feature = "cli", feature = "train"))]

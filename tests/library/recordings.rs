@@ -4,7 +4,9 @@
 use std::fs;
 use std::path::PathBuf;
 
-use tracklens::data::{FrameSource, Pixels, Recording, TableOptions};
+use tracklens::data::{FrameSource, Pixels, Recording, Space, TableOptions};
+#[cfg(feature = "zarr")]
+use tracklens::data::{ZarrStore, ZipStore, read_zarr_ground_truth};
 use tracklens::error::{Error, Reason};
 
 /// The number of frames of every episode.
@@ -109,6 +111,187 @@ fn one_array_is_divided_where_its_episodes_end() {
     assert_episodes(&recording, "episode", 0);
     let truth = recording.truth().expect("points");
     assert_eq!(truth.keys(), recording.index().keys());
+}
+
+/// The files of a Zarr hierarchy, to be changed.
+#[cfg(feature = "zarr")]
+#[derive(Clone)]
+struct Files(std::collections::BTreeMap<String, Vec<u8>>);
+
+#[cfg(feature = "zarr")]
+impl Files {
+    fn of(name: &str) -> Self {
+        let store = ZipStore::open(std::io::Cursor::new(public(name)));
+        let store = store.expect("an archive").expect("a hierarchy");
+        let keys = store.keys().into_iter();
+        Self(
+            keys.map(|key| (key.clone(), store.read(&key).expect("a file")))
+                .collect(),
+        )
+    }
+
+    /// With `to` for `from` in the description of an array.
+    fn with(mut self, key: &str, from: &str, to: &str) -> Self {
+        let text = String::from_utf8(self.0[key].clone()).expect("JSON");
+        let text = text.split_whitespace().collect::<String>();
+        assert!(text.contains(from), "{text}");
+        self.0
+            .insert(key.to_owned(), text.replacen(from, to, 1).into_bytes());
+        self
+    }
+
+    fn recording(self) -> Result<Recording, Error> {
+        Recording::from_zarr(Box::new(self), None, &TableOptions::default())
+    }
+
+    fn points(self) -> Result<tracklens::track::GroundTruth, Error> {
+        let read = read_zarr_ground_truth(Box::new(self), None, &TableOptions::default());
+        read.map(|table| table.content)
+    }
+}
+
+#[cfg(feature = "zarr")]
+impl ZarrStore for Files {
+    fn keys(&self) -> Vec<String> {
+        self.0.keys().cloned().collect()
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.0.contains_key(key)
+    }
+
+    fn read(&self, key: &str) -> Result<Vec<u8>, Error> {
+        Ok(self.0[key].clone())
+    }
+
+    fn size(&self) -> u64 {
+        self.0.values().map(|bytes| bytes.len() as u64).sum()
+    }
+}
+
+#[cfg(feature = "zarr")]
+#[test]
+fn replay_buffers_of_diffusion_policy_are_episodes() {
+    let whole = Files::of("replay.zarr.zip");
+    let recording = whole.clone().recording().expect("a recording");
+    assert_episodes(&recording, "episode", 0);
+    // Nobody said on which board the points are.
+    assert!(recording.truth().is_none());
+    let told = recording.notices()[0].to_string();
+    assert!(
+        told.contains("the points are left out: the unit of `keypoint`"),
+        "{told}"
+    );
+
+    let options = TableOptions {
+        space: Some(Space::Pixels),
+        image_size: Some([100, 80]),
+        ..TableOptions::default()
+    };
+    let recording = Recording::from_zarr(Box::new(whole.clone()), None, &options);
+    let recording = recording.expect("a recording");
+    let truth = recording.truth().expect("points");
+    assert_eq!(truth.keys(), recording.index().keys());
+    // The board is not the frames, whose size does not stand for it.
+    let options = TableOptions {
+        image_size: None,
+        ..options
+    };
+    let error = Recording::from_zarr(Box::new(whole), None, &options).err();
+    assert_eq!(
+        error.expect("no size").reason(),
+        Some(&Reason::MissingImageSize)
+    );
+}
+
+#[cfg(feature = "zarr")]
+#[test]
+fn floats_of_a_replay_buffer_go_to_255() {
+    let recording = Files::of("replay-v3.zarr.zip")
+        .recording()
+        .expect("a recording");
+    assert!(recording.has_floats());
+    for i in [0, 13, 39] {
+        let frame = recording.read(i).expect("a frame");
+        assert_eq!(frame.rgb(), pixels(i, 0), "frame {i}");
+    }
+}
+
+#[cfg(feature = "zarr")]
+#[test]
+fn zarr_that_declares_more_than_its_files_is_refused() {
+    let files = || Files::of("points-v2-zstd.zarr.zip");
+    let key = "keypoints/.zarray";
+    for (from, to, part) in [
+        (
+            "[40,2,2]",
+            "[1073741824,2,2]",
+            "expected at most 16777216 frames",
+        ),
+        (
+            "[40,2,2]",
+            "[4000000,2,2]",
+            "shape [4000000, 2, 2] is more than",
+        ),
+        (
+            "[16,2,2]",
+            "[16777216,2,2]",
+            "its chunks have shape [16777216,2,2]",
+        ),
+        ("[16,2,2]", "[15,2,2]", "the size of a decoded chunk is 512"),
+        (
+            "[40,2,2]",
+            "[40,2,2,2,2,2,2,2,2]",
+            "not a description of an array",
+        ),
+        ("[40,2,2]", "[40,-2,2]", "not a description of an array"),
+        (
+            "\"zstd\"",
+            "\"lzma\"",
+            "packed with blosc, gzip, zlib, zstd or not at all",
+        ),
+        ("\"<f8\"", "\"<c16\"", "is of type no number"),
+        ("\"<f8\"", "1", "is of type no number"),
+        ("{", "[", "not a description of an array"),
+    ] {
+        let error = files()
+            .with(key, from, to)
+            .points()
+            .expect_err(part)
+            .to_string();
+        assert!(error.contains(part), "{to}: {error}");
+    }
+    let mut cut = files();
+    cut.0.retain(|key, _| !key.ends_with(".zarray"));
+    let error = cut.points().expect_err("no array").to_string();
+    assert!(error.contains("there is no Zarr array"), "{error}");
+}
+
+#[cfg(feature = "zarr")]
+#[test]
+fn every_packing_of_zarr_notices_a_chunk_that_is_cut() {
+    for packing in [
+        "v2-blosc",
+        "v2-zstd",
+        "v2-gzip",
+        "v2-zlib",
+        "v2-plain",
+        "v3-zstd",
+        "v3-blosc",
+        "v3-gzip",
+        "v3-plain",
+        "v3-shards",
+    ] {
+        let whole = Files::of(&format!("points-{packing}.zarr.zip"));
+        let is_chunk = |key: &&String| key.ends_with('0') && !key.ends_with(".zgroup");
+        let key = whole.0.keys().find(is_chunk).expect("a chunk").clone();
+        for length in 0..whole.0[&key].len() {
+            let mut cut = whole.clone();
+            cut.0.get_mut(&key).expect("a chunk").truncate(length);
+            assert!(cut.points().is_err(), "{packing}, {length} bytes of {key}");
+        }
+        whole.points().unwrap_or_else(|e| panic!("{packing}: {e}"));
+    }
 }
 
 #[cfg(feature = "parquet")]

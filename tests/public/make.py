@@ -14,14 +14,17 @@ import pathlib
 import pickle
 import shutil
 import struct
+import zipfile
 import zlib
 
 import h5py
+import numcodecs
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import tables
+import zarr
 
 HERE = pathlib.Path(__file__).parent
 OUT = HERE / "files"
@@ -97,7 +100,7 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
     found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
     if beside is not None:
         found["beside"] = beside
-    if beside is not None or name.endswith(".parquet"):
+    if beside is not None or name.endswith((".parquet", ".zarr.zip")):
         found["terminal_only"] = True
     if refused is not None:
         found["refused"] = refused
@@ -644,6 +647,57 @@ case("no-columns.parquet", parquet(struct_table.select(["camera", "image"])), re
 keypoint_table = pd.read_csv(io.StringIO(tidy(ndc(KEYPOINTS), "keypoint", ["0", "1"])))
 case("keypoints.parquet", parquet(keypoint_table), role="keypoints")
 
+
+# Zarr, versions 2 and 3, as a ZIP archive: arrays as in the other recordings, and diffusion policy's replay buffers.
+def zarr_zip(arrays, version, folder="", **given):
+    """A hierarchy of `arrays` by their paths, with the same bytes every time."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for key, value in zarr_files(arrays, version, **given).items():
+            archive.writestr(zipfile.ZipInfo(folder + key), value)
+    return out.getvalue()
+
+
+def zarr_files(arrays, version, **given):
+    store = zarr.storage.MemoryStore()
+    root = zarr.create_group(store, zarr_format=version)
+    for path, array in arrays.items():
+        options = {"chunks": (16, *array.shape[1:]), **(given if array.ndim > 1 else {})}
+        if options.get("shards"):
+            options["shards"] = (32, *array.shape[1:])
+        root.create_array(path, data=array, **options)
+    return {key: value.to_bytes() for key, value in sorted(store._store_dict.items())}
+
+
+blosc_2 = numcodecs.Blosc(cname="lz4", clevel=5, shuffle=numcodecs.Blosc.SHUFFLE)
+packings = {
+    "v2-blosc": (2, {"compressors": blosc_2}),
+    "v2-zstd": (2, {"compressors": numcodecs.Zstd()}),
+    "v2-gzip": (2, {"compressors": numcodecs.GZip()}),
+    "v2-zlib": (2, {"compressors": numcodecs.Zlib(), "order": "F"}),
+    "v2-plain": (2, {"compressors": None}),
+    "v3-zstd": (3, {"compressors": zarr.codecs.ZstdCodec(checksum=True)}),
+    "v3-blosc": (3, {"compressors": zarr.codecs.BloscCodec(cname="zstd")}),
+    "v3-gzip": (3, {"compressors": zarr.codecs.GzipCodec()}),
+    "v3-plain": (3, {"compressors": None, "filters": zarr.codecs.TransposeCodec(order=(1, 0, 2))}),
+    "v3-shards": (3, {"shards": True, "compressors": zarr.codecs.ZstdCodec()}),
+}
+unnamed_points = {"objects": ["point_0", "point_1"]}
+for name, (version, given) in packings.items():
+    case(f"points-{name}.zarr.zip", zarr_zip({"keypoints": N}, version, **given), **unnamed_points)
+    # For the fuzzer the description of an array and its first chunk: an archive has checksums.
+    files = zarr_files({"keypoints": N}, version, **given)
+    description, chunk = ("keypoints/.zarray", "keypoints/0.0.0") if version == 2 else ("keypoints/zarr.json", "keypoints/c/0/0/0")
+    (HERE / f"../../fuzz/seeds/zarr/{name}.chunk").write_bytes(files[description] + b"\0" + files[chunk])
+replay = {"data/img": frames(t), "data/keypoint": TRUTH, "data/state": np.concatenate([TRUTH.reshape(T, 4), np.ones((T, 1))], 1), "meta/episode_ends": ENDS}
+archive = zarr_zip(replay, 2, "replay.zarr/")
+case("replay.zarr.zip", archive, options=PX, **of_episodes)
+case("replay.zarr.zip", archive, refused="the unit of `keypoint` is that of its simulator", **of_episodes)
+state = {**PX, "columns": "nose=state[0:2],tail=state[2:4]"}
+case("replay.zarr.zip", archive, options=state, **{**of_episodes, "objects": NAMES})
+floating = zarr_zip({**replay, "data/img": frames(t).astype("f4")}, 3)
+case("replay-v3.zarr.zip", floating, options=PX, **of_episodes)
+case("keypoints.zarr.zip", zarr_zip({"keypoints": ndc(KEYPOINTS)}, 3), role="keypoints")
 
 
 def main():

@@ -8,9 +8,10 @@ use std::io::Cursor;
 
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::{
-    ArchiveIndex, Frame, FrameSource as _, Hdf5Points, NpyArray, Recording, TableOptions,
-    export_parquet, export_pickle, ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth,
-    parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints,
+    ArchiveIndex, Frame, FrameSource as _, Hdf5Points, NpyArray, Recording, Space, TableOptions,
+    ZIP_MAGIC, ZarrStore, ZipStore, export_parquet, export_pickle, ground_truth_of_arrays,
+    keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
+    parse_npz_keypoints, read_zarr_ground_truth,
 };
 use tracklens::detector::{Graph, Plan, Settings};
 use tracklens::evaluation::EvaluationReport;
@@ -36,6 +37,7 @@ pub const ENTRIES: &[Entry] = &[
     entry("hdf5_points", hdf5_points),
     entry("pickled_points", pickled_points),
     entry("parquet", parquet),
+    entry("zarr", zarr),
     entry("safetensors", checkpoint),
     entry("pickle", checkpoint),
     entry("burnpack", checkpoint),
@@ -132,6 +134,71 @@ fn pickled_points(bytes: &[u8]) {
 fn parquet(bytes: &[u8]) {
     if let Ok(table) = export_parquet(bytes.to_vec()) {
         let _ = black_box(table.ground_truth("table.parquet", &with_size()));
+    }
+}
+
+/// A Zarr archive; or the description of an array, a zero byte, and its first chunk.
+fn zarr(bytes: &[u8]) {
+    let options = TableOptions {
+        space: Some(Space::Pixels),
+        ..with_size()
+    };
+    let stores = || -> Option<[Box<dyn ZarrStore>; 2]> {
+        if bytes.starts_with(ZIP_MAGIC) {
+            let open = || ZipStore::open(Cursor::new(bytes.to_vec())).ok().flatten();
+            return Some([Box::new(open()?), Box::new(open()?)]);
+        }
+        let at = bytes.iter().position(|b| *b == 0)?;
+        let store = |array: &str| -> Box<dyn ZarrStore> {
+            let chunk = bytes[at + 1..].to_vec();
+            let description = bytes[..at].to_vec();
+            Box::new(OneChunk {
+                size: bytes.len() as u64,
+                files: [
+                    ".zarray",
+                    "zarr.json",
+                    "0.0.0",
+                    "c/0/0/0",
+                    "0.0.0.0",
+                    "c/0/0/0/0",
+                ]
+                .into_iter()
+                .zip([&description, &description, &chunk, &chunk, &chunk, &chunk])
+                .map(|(name, bytes)| (format!("{array}/{name}"), bytes.clone()))
+                .collect(),
+            })
+        };
+        Some([store("keypoints"), store("images")])
+    };
+    let Some([points, frames]) = stores() else {
+        return;
+    };
+    let _ = black_box(read_zarr_ground_truth(points, None, &options));
+    recording(Recording::from_zarr(frames, None, &options));
+}
+
+/// A Zarr array of one chunk, where it may lie.
+struct OneChunk {
+    files: Vec<(String, Vec<u8>)>,
+    size: u64,
+}
+
+impl ZarrStore for OneChunk {
+    fn keys(&self) -> Vec<String> {
+        self.files.iter().map(|(key, _)| key.clone()).collect()
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.files.iter().any(|(own, _)| own == key)
+    }
+
+    fn read(&self, key: &str) -> tracklens::Result<Vec<u8>> {
+        let file = self.files.iter().find(|(own, _)| own == key);
+        Ok(file.map(|(_, bytes)| bytes.clone()).unwrap_or_default())
+    }
+
+    fn size(&self) -> u64 {
+        self.size
     }
 }
 

@@ -1,9 +1,15 @@
-//! Recordings of episodes of unequal length by the real binary: HDF5 of robomimic, NPZ.
+//! Recordings of episodes of unequal length by the real binary: HDF5 of robomimic, NPZ, and Zarr as
+//! an archive and as a folder.
+
+use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::binary::{data, json, stderr, tracklens};
+
+const BOARD: [&str; 4] = ["--space", "px", "--image-size", "100x80"];
 
 fn public(name: &str) -> String {
     let path = data(&format!("public/files/{name}"));
@@ -37,12 +43,24 @@ fn assert_episodes(path: &str, more: &[&str]) {
     assert_eq!(truth["join"]["unmatched_frames"]["count"], 0, "{path}");
 }
 
+/// The files of a ZIP archive in a folder.
+fn unpack(archive: &str, into: &Path) {
+    let file = fs::File::open(archive).expect("an archive");
+    let mut archive = zip::ZipArchive::new(file).expect("an archive");
+    archive.extract(into).expect("unpacked");
+}
+
 #[test]
 fn episodes_are_inspected_and_converted() {
     let folder = tempfile::tempdir().expect("a folder");
+    unpack(&public("replay.zarr.zip"), folder.path());
+    let unpacked = place(&folder, "replay.zarr");
     for (number, (file, more)) in [
         (public("robomimic.hdf5"), &[][..]),
         (public("episodes.npz"), &[]),
+        (public("replay.zarr.zip"), &BOARD),
+        (public("replay-v3.zarr.zip"), &BOARD),
+        (unpacked, &BOARD),
     ]
     .into_iter()
     .enumerate()

@@ -14,11 +14,12 @@ use crate::workspace::Workspace;
 
 /// Features that have to stand alone, without what the others or the tests' dependencies happen to
 /// switch on.
-const FEATURES: [&str; 9] = [
+const FEATURES: [&str; 10] = [
     "data",
     "jpeg-webp",
     "hdf5",
     "parquet",
+    "zarr",
     "engine",
     "report",
     "model",

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::files::TruthArguments;
+use super::files::{TruthArguments, is_folder_of_images};
 use crate::atomic;
 use crate::data::{
     Columns, NpzWriter, SequenceRange, coco_json, deeplabcut_csv, ground_truth_csv, keypoints_csv,
@@ -16,7 +16,7 @@ use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
 pub(super) struct ConvertArguments {
-    /// Folder of image sequences, one folder a sequence, a recording (.npz, .hdf5), or a file
+    /// Folder of image sequences, one folder a sequence, a recording (.npz, .hdf5, .zarr), or a file
     /// of points
     pub input: PathBuf,
     /// What to write; must not exist yet
@@ -102,7 +102,7 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
     let reading = &arguments.common.reading;
     let input = &arguments.input;
     let mut image_size = reading.image_size;
-    let points = match input.is_dir() {
+    let points = match is_folder_of_images(input) {
         true => {
             let frames = reading.open(input)?;
             let first = frames.read(0)?;

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::convert::{CommonArguments, ConvertArguments, Target, write_points};
 use super::extract::{cancel_on_interrupt, progress_bar, show};
+use super::files::is_folder_of_images;
 use crate::atomic;
 use crate::data::{
     self, Frame, FrameSource, Join, NpzWriter, Pixels, SequenceRange, ground_truth_csv, join,
@@ -37,7 +38,7 @@ pub(super) enum DataCommand {
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// Folder of image sequences, one folder a sequence, or a recording (.npz, .hdf5)
+    /// Folder of image sequences, one folder a sequence, or a recording (.npz, .hdf5, .zarr)
     path: PathBuf,
     #[command(flatten)]
     common: CommonArguments,
@@ -317,7 +318,8 @@ fn convert(arguments: &ConvertArguments) -> Result<()> {
         return refused("lies in no folder that exists; expected a folder or a file to write");
     }
     let target = arguments.to.unwrap_or_else(|| Target::of(out));
-    let has_frames = arguments.input.is_dir() || common.reading.is_recording(&arguments.input)?;
+    let has_frames =
+        is_folder_of_images(&arguments.input) || common.reading.is_recording(&arguments.input)?;
     if !has_frames || !matches!(target, Target::Folder | Target::Npz) {
         return write_points(arguments, target);
     }

@@ -86,7 +86,7 @@ struct SourceArguments {
     #[command(flatten)]
     detector: DetectorArguments,
     /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz,
-    /// .hdf5)
+    /// .hdf5, .zarr)
     #[arg(long, value_name = "PATH")]
     frames: PathBuf,
     #[command(flatten)]

@@ -1,6 +1,6 @@
 //! Folders of frames, recordings and tables by their paths.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
@@ -12,10 +12,11 @@ use super::hints::hint;
 use crate::command_line;
 use crate::data::{
     AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice,
-    NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC,
-    export_parquet, export_pickle, ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth,
-    parse_keypoints, parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth,
-    read_hdf5_keypoints,
+    NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC, ZarrStore,
+    ZipStore, describes_zarr, export_parquet, export_pickle, ground_truth_of_arrays,
+    keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
+    parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints, read_zarr_ground_truth,
+    read_zarr_keypoints,
 };
 use crate::error::{Error, ErrorKind, Reason, Result, without_controls};
 use crate::pickle::is_pickle;
@@ -88,7 +89,8 @@ impl TruthArguments {
     ) -> Result<Option<Truth>> {
         let beside = path.join("ground_truth.csv");
         // Columns without a table are arrays of the recording.
-        let truth = truth.or(columns.map(|_| path).filter(|path| path.is_file()));
+        let is_recording = |path: &&Path| path.is_file() || is_zarr_folder(path);
+        let truth = truth.or(columns.map(|_| path).filter(is_recording));
         let found = match (truth, frames.truth()) {
             (Some(truth), _) => self.read_beside(truth, columns, frames)?,
             (None, Some(own)) => {
@@ -171,13 +173,16 @@ impl TruthArguments {
     ) -> Result<Truth> {
         let kind = Kind::of(path)?;
         // Arrays that a person names may be on the board of a simulator: its size has to be said.
-        let is_named = columns.is_some() && matches!(kind, Kind::Hdf5);
+        let is_named = columns.is_some() && matches!(kind, Kind::Hdf5 | Kind::Zarr);
         let options = TableOptions {
             image_size: self.image_size.or_else(|| size().filter(|_| !is_named)),
             ..self.options()
         };
         let name = path.to_string_lossy();
         let table = match kind {
+            Kind::Zarr => zarr_store(path)
+                .and_then(|store| read_zarr_ground_truth(store, columns, &options))
+                .map_err(|e| e.at(path.display()))?,
             Kind::Npz => parse_npz_ground_truth(&read(path)?, &name, &options)?,
             Kind::Hdf5 => read_hdf5_ground_truth(open(path)?, &name, columns, &options)?,
             Kind::Pickle => export_pickle(&read(path)?)
@@ -230,6 +235,9 @@ impl TruthArguments {
     fn recording(&self, path: &Path) -> Result<Option<Result<Recording>>> {
         let (array, options) = (self.array.as_deref(), self.options());
         Ok(match Kind::of(path)? {
+            Kind::Zarr => Some(
+                zarr_store(path).and_then(|store| Recording::from_zarr(store, array, &options)),
+            ),
             Kind::Npz => Some(Recording::from_npz(
                 BufReader::new(open(path)?),
                 array,
@@ -242,7 +250,7 @@ impl TruthArguments {
 
     /// Opens a folder of images or a recording; says what is left out.
     pub fn open(&self, path: &Path) -> Result<Arc<dyn FrameSource>> {
-        if path.is_dir() {
+        if is_folder_of_images(path) {
             let folder = Folder::open(path)?;
             let ignored = folder.ignored();
             if let Some(first) = ignored.first() {
@@ -263,8 +271,8 @@ impl TruthArguments {
         }
         let recording = self.recording(path)?.unwrap_or_else(|| {
             Err(Error::input(
-                "neither a folder nor a recording; expected a folder of images, an NPZ or an \
-                 HDF5 file",
+                "neither a folder nor a recording; expected a folder of images, an NPZ, HDF5 or \
+                 Zarr file",
             ))
         });
         let recording = recording.map_err(|e| e.at(path.display()))?;
@@ -309,6 +317,7 @@ impl FrameSource for Placed {
 
 /// What a file of points or frames is, by its first bytes.
 enum Kind {
+    Zarr,
     Npz,
     Hdf5,
     Npy,
@@ -319,12 +328,19 @@ enum Kind {
 
 impl Kind {
     fn of(path: &Path) -> Result<Self> {
+        if is_zarr_folder(path) {
+            return Ok(Self::Zarr);
+        }
         let mut head = Vec::new();
         open(path)?
             .take(8)
             .read_to_end(&mut head)
             .map_err(|e| Error::io(path.display(), &e))?;
-        Ok(Self::of_bytes(&head))
+        let kind = Self::of_bytes(&head);
+        // Both are ZIP archives; one that is damaged is told by the reader of NPZ.
+        let is_zarr = matches!(kind, Self::Npz)
+            && ZipStore::open(BufReader::new(open(path)?)).is_ok_and(|store| store.is_some());
+        Ok(if is_zarr { Self::Zarr } else { kind })
     }
 
     fn of_bytes(head: &[u8]) -> Self {
@@ -336,6 +352,78 @@ impl Kind {
             _ if is_pickle(head) => Self::Pickle,
             _ => Self::Other,
         }
+    }
+}
+
+/// Whether a path is a folder that may hold images: no Zarr hierarchy.
+pub(super) fn is_folder_of_images(path: &Path) -> bool {
+    path.is_dir() && !is_zarr_folder(path)
+}
+
+/// Whether a folder is a Zarr hierarchy.
+fn is_zarr_folder(path: &Path) -> bool {
+    let files = std::fs::read_dir(path).into_iter().flatten().flatten();
+    let mut names = files.map(|file| file.file_name());
+    names.any(|name| name.to_str().is_some_and(describes_zarr))
+}
+
+/// The files of a Zarr hierarchy, in a folder or a ZIP archive.
+fn zarr_store(path: &Path) -> Result<Box<dyn ZarrStore>> {
+    if path.is_dir() {
+        return Ok(Box::new(FolderStore::open(path)?));
+    }
+    match ZipStore::open(BufReader::new(open(path)?))? {
+        Some(store) => Ok(Box::new(store)),
+        None => Err(Error::input("there is no Zarr array in the archive")),
+    }
+}
+
+/// A Zarr hierarchy in a folder.
+struct FolderStore {
+    /// By their keys, paths with `/`.
+    files: BTreeMap<String, PathBuf>,
+    size: u64,
+}
+
+impl FolderStore {
+    fn open(folder: &Path) -> Result<Self> {
+        let mut walk = Walk::default();
+        walk.visit(folder, DEPTH)
+            .map_err(|e| Error::io(folder.display(), &e))?;
+        let mut store = Self {
+            files: BTreeMap::new(),
+            size: 0,
+        };
+        for path in walk.files {
+            let below = path.strip_prefix(folder).unwrap_or(&path);
+            let parts = below.iter().map(|part| part.to_string_lossy().into_owned());
+            let key = parts.collect::<Vec<_>>().join("/");
+            let about = path.metadata().map_err(|e| Error::io(path.display(), &e))?;
+            store.size += about.len();
+            store.files.insert(key, path);
+        }
+        Ok(store)
+    }
+}
+
+impl ZarrStore for FolderStore {
+    fn keys(&self) -> Vec<String> {
+        self.files.keys().cloned().collect()
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.files.contains_key(key)
+    }
+
+    fn read(&self, key: &str) -> Result<Vec<u8>> {
+        match self.files.get(key) {
+            Some(path) => read(path),
+            None => Err(Error::input(format!("there is no file `{key}`"))),
+        }
+    }
+
+    fn size(&self) -> u64 {
+        self.size
     }
 }
 
@@ -574,6 +662,9 @@ fn keypoints_of(
             .and_then(|table| table.renamed(columns, true))
             .map_err(|e| e.at(path.display()))?
             .keypoints(&name, options)?,
+        Kind::Zarr => zarr_store(path)
+            .and_then(|store| read_zarr_keypoints(store, options))
+            .map_err(|e| e.at(path.display()))?,
         Kind::Npz => parse_npz_keypoints(&read(path)?, &name, options)?,
         Kind::Npy => keypoints_of_arrays(vec![NpyArray::alone(read(path)?)], options)
             .map_err(|e| e.at(path.display()))?,

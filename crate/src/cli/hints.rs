@@ -18,8 +18,9 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
              or --space ndc"
         }
         Reason::NoPoints => {
-            "`score --columns` and `eval --truth-columns` name an array for each object of HDF5, \
-             e.g. eef=obs/robot0_eef_pos,cube=obs/object[0:3]"
+            "`score --columns` and `eval --truth-columns` name an array for each object of HDF5 \
+             and Zarr, e.g. \
+             eef=obs/robot0_eef_pos,cube=obs/object[0:3]"
         }
         Reason::SeveralCameras { first } => {
             return Some(Cow::Owned(format!("choose one with --array {first}")));

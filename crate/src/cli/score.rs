@@ -28,7 +28,7 @@ use crate::weights::read;
 pub(super) struct ScoreArguments {
     /// Ground truth: CSV with the columns sequence,frame,object,x,y (ndc: -1 to +1 across the
     /// image, y down) or with two columns an object (cube_x,cube_y), DeepLabCut's CSV, COCO
-    /// keypoints (JSON), any of these as Parquet, or a recording (.npz, .hdf5); with a z
+    /// keypoints (JSON), any of these as Parquet, or a recording (.npz, .hdf5, .zarr); with a z
     /// (cube_z) in space, in any unit
     #[arg(long = command_line::TRUTH, value_name = "GT.csv")]
     truth: PathBuf,

@@ -27,7 +27,7 @@ use crate::weights::read;
 #[derive(Debug, Args)]
 pub(super) struct TrainArguments {
     /// Folder of image sequences, one folder a sequence (PNG, JPEG, WebP), or a recording (.npz,
-    /// .hdf5)
+    /// .hdf5, .zarr)
     #[arg(long, value_name = "PATH")]
     data: PathBuf,
     /// Ground truth for the metric of every epoch; default: ground_truth.csv in the data folder, or

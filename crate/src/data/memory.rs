@@ -110,7 +110,7 @@ impl PointSequences {
     }
 
     /// Gives the sequences names.
-    #[cfg(feature = "hdf5")]
+    #[cfg(any(feature = "hdf5", feature = "zarr"))]
     pub(super) fn name_sequences(&mut self, names: Vec<String>) {
         self.0.sequences = names;
     }

@@ -17,7 +17,7 @@ mod hdf5;
 mod image;
 mod join;
 mod memory;
-#[cfg(feature = "hdf5")]
+#[cfg(any(feature = "hdf5", feature = "zarr"))]
 mod named_arrays;
 mod names;
 mod npy;
@@ -33,9 +33,15 @@ mod source;
 mod split;
 mod table;
 mod tap_vid;
+#[cfg(feature = "zarr")]
+mod zarr;
 
 #[cfg(feature = "parquet")]
 pub use self::parquet::{PARQUET_MAGIC, export_parquet};
+#[cfg(feature = "zarr")]
+pub use self::zarr::{
+    ZarrStore, ZipStore, describes_zarr, read_zarr_ground_truth, read_zarr_keypoints,
+};
 pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
     TAIL as ARCHIVE_TAIL, ZIP_MAGIC,

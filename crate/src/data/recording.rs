@@ -1,4 +1,4 @@
-//! Recordings: frames and points as arrays, in NPZ and HDF5 files.
+//! Recordings: frames and points as arrays, in NPZ, HDF5 and Zarr files.
 
 use super::arrays::{ArrayFile, Kind, check_frames};
 use super::frame_array::FrameArray;
@@ -12,7 +12,7 @@ use super::source::FrameSource;
 use crate::error::{Error, Reason, Result};
 use crate::track::GroundTruth;
 
-/// Frames, and points if there are any, as arrays in an NPZ or HDF5 file. Frames are read when
+/// Frames, and points if there are any, as arrays in an NPZ, HDF5 or Zarr file. Frames are read when
 /// they are asked for.
 ///
 /// Frames are the array `images` or `frames`, of shape `[S, T, H, W, 3]` (S sequences of T frames)

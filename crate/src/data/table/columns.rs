@@ -46,7 +46,7 @@ impl Columns {
     }
 
     /// The names that are expected, each with the one in its place, where there is one.
-    #[cfg(feature = "hdf5")]
+    #[cfg(any(feature = "hdf5", feature = "zarr"))]
     pub(in crate::data) fn pairs(&self) -> impl Iterator<Item = (&str, &str)> {
         let given = self.given.iter();
         given.filter_map(|(expected, given)| Some((expected.as_str(), given.as_deref()?)))
