@@ -1,5 +1,5 @@
 // What all parts of the package export.
-export { needsDecoding, needsFormats } from "./parts.js";
+export { needsDecoding, needsFormats, needsParquet } from "./parts.js";
 export {
   Arrays,
   Bootstrap,
@@ -19,6 +19,7 @@ export * from "./tracklens_doctor.js";
 export * from "./tracklens_extraction.js";
 export * from "./tracklens_images.js";
 export * from "./tracklens_formats.js";
+export * from "./tracklens_parquet.js";
 export * from "./tracklens_onnx.js";
 export * from "./tracklens_temporal.js";
 export * from "./tracklens_figures.js";

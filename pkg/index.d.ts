@@ -17,7 +17,7 @@
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
  * is not said to be of another part), `space` (the same, also of points in space: once it is loaded it takes the place of
  * `scoring`, whose objects mean nothing to it), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
- * ({@link readPoints}, {@link mapColumns}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
+ * ({@link Hdf5File}, {@link readPoints}, {@link mapColumns}), `parquet` ({@link readParquet}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
  * `comparison` ({@link Comparison}).
  */
 export type Part =
@@ -27,6 +27,7 @@ export type Part =
   | "extraction"
   | "images"
   | "formats"
+  | "parquet"
   | "onnx"
   | "temporal"
   | "figures"
@@ -291,18 +292,42 @@ export class Arrays {
 export function needsFormats(file: Uint8Array): boolean;
 
 /**
- * Points of a file: a table, CSV, with the unit of its positions where it cannot say it, or arrays to {@link Arrays.add}, and
- * whether there are frames beside them, which are not read.
+ * Points of a file: a table, CSV, with the unit of its positions where it cannot say it and what a person should know of how it
+ * was made, or arrays to {@link Arrays.add}, and whether there are frames beside them.
  */
 export type FormatPoints =
-  | { table: Uint8Array; space: TableOptions["space"] | null; arrays: null; hasFrames: false }
-  | { table: null; space: null; arrays: { name: string; bytes: Uint8Array }[]; hasFrames: boolean };
+  | { table: Uint8Array; space: TableOptions["space"] | null; notices: string[]; arrays: null; hasFrames: false }
+  | { table: null; space: null; notices: string[]; arrays: { name: string; bytes: Uint8Array }[]; hasFrames: boolean };
 
 /**
  * The points of an HDF5 file (recordings, SLEAP's analyses and projects, pandas and so DeepLabCut) or a pickle (TAP-Vid, tracks
  * of points). Of SLEAP's projects, pandas and pickles it makes the table that their program would export. Part `formats`.
  */
 export function readPoints(file: Uint8Array, name: string): FormatPoints;
+
+/** The table in a Parquet file. Part `parquet`. */
+export function readParquet(file: Uint8Array, name: string): FormatPoints;
+
+/** Whether it is the beginning of a Parquet file. Needs no part. */
+export function needsParquet(file: Uint8Array): boolean;
+
+/**
+ * An HDF5 file of any size, of which `read` gives what is asked for; e.g. by `FileReaderSync` in a worker. Part `formats`.
+ */
+export class Hdf5File {
+  private constructor();
+  /** Opens a file of `size` bytes; `read` gives the `length` bytes from `start` on. */
+  static open(read: (start: number, length: number) => Uint8Array, size: number, name: string): Hdf5File;
+  /** The points, as {@link readPoints} gives them; `null` where there are frames and no points. */
+  points(): FormatPoints | null;
+  /** Why the frames cannot be used; empty where they can, and where there are none. */
+  readonly problem: string;
+  /** The frames, each in the folder of its sequence, for {@link FrameIndex.ofAll}. */
+  readonly paths: string[];
+  /** A frame as a `.npy` file, which {@link Encoder.extract} takes. */
+  frame(i: number): Uint8Array;
+  free(): void;
+}
 
 /**
  * A table whose columns have other names, with those that are expected: `columns` stand in the place of `expected`, nothing

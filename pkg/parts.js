@@ -7,11 +7,12 @@ import figures from "./tracklens_figures.js";
 import formats from "./tracklens_formats.js";
 import images from "./tracklens_images.js";
 import onnx from "./tracklens_onnx.js";
+import parquet from "./tracklens_parquet.js";
 import { loadSpace as space } from "./scoring.js";
 import scoring from "./tracklens_scoring.js";
 import temporal from "./tracklens_temporal.js";
 
-const LOADERS = { scoring, space, doctor, extraction, images, formats, onnx, temporal, figures, comparison };
+const LOADERS = { scoring, space, doctor, extraction, images, formats, parquet, onnx, temporal, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {
@@ -26,6 +27,11 @@ export function needsFormats(file) {
   const hdf5 = [0x89, 0x48, 0x44, 0x46, 0x0d, 0x0a, 0x1a, 0x0a];
   const isPickle = file[0] === 0x80 && file[1] >= 2 && file[1] <= 5;
   return isPickle || hdf5.every((byte, i) => file[i] === byte);
+}
+
+/** Whether it is the beginning of a Parquet file, which the part `parquet` reads. */
+export function needsParquet(file) {
+  return [0x50, 0x41, 0x52, 0x31].every((byte, i) => file[i] === byte);
 }
 
 /** The WebAssembly file of a part. */

@@ -79,7 +79,11 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             Role::Recording,
             format!("numpy arrays, by its ending `.{ending}`"),
         ),
-        "h5" | "hdf5" | "slp" | "pkl" | "pickle" => sure(
+        "h5" | "hdf5" => sure(
+            Role::Recording,
+            format!("frames or points, by its ending `.{ending}`"),
+        ),
+        "slp" | "pkl" | "pickle" | "parquet" => sure(
             Role::Recording,
             format!("points, by its ending `.{ending}`"),
         ),
@@ -87,7 +91,6 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             "Zarr",
             "data convert FILE OUT.npz` makes an NPZ file of one",
         ),
-        "parquet" => for_terminal("Parquet", "data convert FILE OUT.csv` makes a table of one"),
         "zip" if Format::of(head).is_none() => sure(
             Role::Archive,
             "a ZIP archive, by its ending `.zip`".to_owned(),

@@ -475,6 +475,48 @@ test("a recording is read from its parts: frames where they lie, points as a gro
   assert.throws(() => tracklens.readArchive(file.subarray(0, 900), 900, "cut.npz"), /cut\.npz: not a whole ZIP archive/);
 });
 
+test("frames of episodes of unequal length are those of their episodes", () => {
+  const array = (descr, shape, bytes) => {
+    const text = `{'descr': '${descr}', 'fortran_order': False, 'shape': (${shape}), }`;
+    const padded = text.padEnd(Math.ceil((text.length + 11) / 64) * 64 - 11) + "\n";
+    const head = [0x93, ..."NUMPY"].map((c) => (typeof c === "string" ? c.charCodeAt(0) : c));
+    const length = [padded.length & 255, padded.length >> 8];
+    return Buffer.concat([Buffer.from([...head, 1, 0, ...length]), Buffer.from(padded), Buffer.from(bytes)]);
+  };
+  const arrays = new tracklens.Arrays("replay.npz");
+  const frames = array("|u1", "5, 16, 16, 3", new Uint8Array(5 * 16 * 16 * 3));
+  const ends = array("<i8", "2,", new Uint8Array(new BigInt64Array([2n, 5n]).buffer));
+  for (const [name, bytes] of Object.entries({ frames, episode_ends: ends })) {
+    assert.ok(tracklens.Arrays.uses(name), name);
+    arrays.add(name, bytes.subarray(0, tracklens.Arrays.bytesNeeded(name, bytes.length)), bytes.length);
+  }
+  const index = tracklens.FrameIndex.ofAll(arrays.frames().paths);
+  assert.deepEqual(index.sequences.map(({ length }) => length), [2, 3]);
+});
+
+test("frames of an HDF5 file are read by slices", async () => {
+  const name = "recording.hdf5";
+  const file = await readFile(new URL("../data/formats/plain.hdf5", import.meta.url));
+  const asked = [];
+  const read = (start, length) => {
+    asked.push(length);
+    return new Uint8Array(file.subarray(start, start + length));
+  };
+  const opened = tracklens.Hdf5File.open(read, file.length, name);
+  assert.equal(opened.problem, "");
+  assert.equal(opened.paths.length, 15);
+  assert.equal(opened.paths[6], "seq_0001/frame_000001");
+  const encoder = new tracklens.Encoder(await golden("basic-vel-std-bg-tiny.safetensors"), "w");
+  const frame = opened.frame(6);
+  assert.deepEqual([encoder.extract(frame, "f").width, encoder.extract(frame, "f").height], [16, 16]);
+  assert.ok(asked.length > 0);
+  assert.throws(() => opened.frame(15), /there is no frame 15/);
+  opened.free();
+  const cut = tracklens.Hdf5File.open(() => new Uint8Array(), file.length, name);
+  assert.match(cut.problem, /cannot be read/);
+  assert.throws(() => cut.points(), /recording\.hdf5/);
+});
+
 test("latent points are placed in an image by the configuration of their encoder", async () => {
   const { encoder } = await extractAll();
   // Three pools make 33 cells of 256 pixels, from pixel -3.5 to 252.5.
@@ -511,7 +553,7 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, doctor, extraction, images, formats, onnx, temporal, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, space, doctor, extraction, images, formats, parquet, onnx, temporal, figures, comparison/);
 });
 
 test("foreign ONNX models find what ONNX Runtime finds", async () => {
@@ -558,7 +600,7 @@ test("what a browser downloads stays small", async () => {
   // What has to be there before the page can be used, what a score waits for, what workers load,
   // what comes with the first points in space, JPEG or WebP image, HDF5 file or pickle, ONNX model,
   // score, and runs.
-  for (const [part, limit] of Object.entries({ scoring: 305_000, space: 345_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, onnx: 700_000, temporal: 150_000, figures: 200_000, comparison: 340_000 })) {
+  for (const [part, limit] of Object.entries({ scoring: 305_000, space: 345_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 300_000, parquet: 250_000, onnx: 700_000, temporal: 150_000, figures: 200_000, comparison: 340_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

@@ -10,7 +10,7 @@ const folder = new URL("../public/", import.meta.url);
 const read = async (path) => new Uint8Array(await readFile(new URL(`files/${path}`, folder)));
 const { cases, truth, keypoints } = JSON.parse(await readFile(new URL("expected.json", folder), "utf8"));
 
-before(() => init(["scoring", "formats"]));
+before(() => init(["scoring", "formats", "parquet"]));
 
 /** The options of a case as the package takes them. */
 function given({ space, axis_order: axisOrder, index_base: indexBase, image_size: imageSize }) {
@@ -18,38 +18,52 @@ function given({ space, axis_order: axisOrder, index_base: indexBase, image_size
   return Object.fromEntries(all.filter(([, value]) => value !== undefined));
 }
 
-/** Points of a file, opened as the page opens it: HDF5 and pickles by the part `formats` first. */
+/** What a file of another program holds: HDF5 by slices, pickles, and Parquet by a part of its own. */
+function foreign(bytes, file) {
+  const { Hdf5File, needsFormats, needsParquet, readParquet, readPoints } = tracklens;
+  if (needsParquet(bytes)) return readParquet(bytes, file);
+  if (!needsFormats(bytes)) return null;
+  if (bytes[0] !== 0x89) return readPoints(bytes, file);
+  const read = (start, length) => bytes.slice(start, start + length);
+  const opened = Hdf5File.open(read, bytes.length, file);
+  try {
+    return opened.points();
+  } finally {
+    opened.free();
+  }
+}
+
+/** Points of a file, opened as the page opens it, and what is told of them. */
 function open(bytes, file, isTruth, options, columns) {
-  const { Arrays, GroundTruthTable, KeypointTable, mapColumns, needsFormats, readPoints } = tracklens;
+  const { Arrays, GroundTruthTable, KeypointTable, mapColumns } = tracklens;
   const ofArrays = (arrays) => (isTruth ? arrays.groundTruth(options) : arrays.keypoints(options));
   const arrays = new Arrays(file);
   if (file.endsWith(".npy")) {
     arrays.add("keypoints", bytes, bytes.length);
-    return ofArrays(arrays);
+    return { table: ofArrays(arrays), told: [] };
   }
-  let [table, own] = [bytes, {}];
+  const found = foreign(bytes, file);
+  if (found?.arrays) {
+    for (const { name, bytes } of found.arrays) arrays.add(name, bytes, bytes.length);
+    return { table: ofArrays(arrays), told: [] };
+  }
+  let text = found?.table ?? bytes;
   if (columns) {
     const names = columns.split(",").map((pair) => pair.split("="));
     const [expected, given] = [0, 1].map((i) => names.map((pair) => pair[i]));
-    table = mapColumns(bytes, file, expected, given, !isTruth);
+    text = mapColumns(text, file, expected, given, !isTruth);
   }
-  if (needsFormats(bytes)) {
-    const found = readPoints(bytes, file);
-    if (found.arrays) {
-      for (const { name, bytes } of found.arrays) arrays.add(name, bytes, bytes.length);
-      return ofArrays(arrays);
-    }
-    table = found.table;
-    if (found.space) own = { space: found.space };
-  }
-  return (isTruth ? GroundTruthTable : KeypointTable).parse(table, file, { ...own, ...options });
+  const own = found?.space ? { space: found.space } : {};
+  const parse = isTruth ? GroundTruthTable.parse : KeypointTable.parse;
+  return { table: parse(text, file, { ...own, ...options }), told: found?.notices ?? [] };
 }
 
 /**
  * A test of a case by the part that scores.
  * @param {string} part
  */
-function check({ file, role, options, errors, objects, notes, refused, axes }, part) {
+function check({ file, role, options, errors, objects, notes, axes, ...each }, part) {
+  const refused = each.refused ?? each.refused_by_page;
   test(`${file} is ${refused === undefined ? "read" : "refused"} by ${part}`, async () => {
     const { GroundTruthTable, KeypointTable, Scoring } = tracklens;
     const bytes = await read(file);
@@ -64,8 +78,9 @@ function check({ file, role, options, errors, objects, notes, refused, axes }, p
       assert.throws(opened, ({ reason }) => reason.type === "inSpace");
       return;
     }
-    const table = open(bytes, file, isTruth, given(options), options.columns);
-    for (const note of notes) assert.ok(table.notices.some((text) => text.includes(note)), note);
+    const { table, told } = open(bytes, file, isTruth, given(options), options.columns);
+    const texts = [...told, ...table.notices];
+    for (const note of notes) assert.ok(texts.some((text) => text.includes(note)), note);
     if (isTruth) assert.deepEqual(table.objects, objects);
     const other = isTruth
       ? KeypointTable.parse(await read(keypoints), keypoints)

@@ -93,6 +93,7 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
 
     `points` are what it holds, T x P x 2 in pixels, in the order of `objects`; `refused` is a part
     of the message of a file that cannot be read, `notes` are parts of what is told of one that can.
+    `refused_by_page` is in the message of the page alone.
     `space` are positions in space in its place, T x P x 3 in the unit of the file.
     """
     data = content if isinstance(content, bytes) else content.encode()
@@ -100,8 +101,10 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
     found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
     if beside is not None:
         found["beside"] = beside
-    if beside is not None or name.endswith((".parquet", ".zarr.zip")):
+    if beside is not None or name.endswith(".zarr.zip"):
         found["terminal_only"] = True
+    if "zstd.parquet" in name:
+        found["refused_by_page"] = "packed by Zstandard"
     if refused is not None:
         found["refused"] = refused
     elif space is not None:

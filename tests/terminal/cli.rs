@@ -1336,21 +1336,28 @@ fn a_recording_becomes_a_folder_and_an_array() {
         "{}",
         stderr(&again)
     );
-    // Sequences of different lengths are no array; nothing is left behind.
-    std::fs::remove_file(path("set/seq_0001/frame_004.png")).expect("removed");
-    let uneven = tracklens(&["data", "convert", "--quiet", &path("set"), &path("c.npz")]);
-    assert_eq!(uneven.status.code(), Some(4));
+    // Sequences of different lengths lie one after the other.
+    let frame = path("set/seq_0001/frame_004.png");
+    std::fs::remove_file(&frame).expect("removed");
+    let said = convert(&[&path("set"), &path("c.npz")]);
+    assert!(said.contains("episode_0, episode_1"), "{said}");
+    let found = json(&tracklens(&["data", "inspect", &path("c.npz")]));
+    assert_eq!(found["sequence_lengths"], serde_json::json!([4, 5]));
+    // Frames of different sizes are no array; nothing is left behind.
+    std::fs::copy(data("data/panda_push/seq_0000/frame_000.png"), &frame).expect("copied");
+    let sizes = tracklens(&["data", "convert", "--quiet", &path("set"), &path("d.npz")]);
+    assert_eq!(sizes.status.code(), Some(4));
     assert!(
-        stderr(&uneven).contains("write a folder instead"),
+        stderr(&sizes).contains("an array needs frames of one size"),
         "{}",
-        stderr(&uneven)
+        stderr(&sizes)
     );
     let mut left: Vec<_> = std::fs::read_dir(folder.path())
         .expect("a folder")
         .map(|entry| entry.expect("an entry").file_name())
         .collect();
     left.sort();
-    assert_eq!(left, ["a.npz", "again", "b.npz", "set"]);
+    assert_eq!(left, ["a.npz", "again", "b.npz", "c.npz", "set"]);
 }
 
 #[test]

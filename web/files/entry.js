@@ -41,6 +41,7 @@
  * @property {Taken} taken
  * @property {TableOptions} options how the user wants a table to be read
  * @property {import("./model-settings.js").Settings} settings what is said of an ONNX model
+ * @property {string[]} told of how the file became a table, where it was something else
  * @property {boolean} isMapped whether its columns were renamed, which no command repeats
  * @property {Partial<import("../pkg/index.js").Alignment>} alignment of a ground truth: what is
  * added to its numbers
@@ -67,6 +68,7 @@ export function entryOf(source, taken, arrays = null) {
     taken,
     options: {},
     settings: {},
+    told: [],
     isMapped: false,
     alignment: {},
     marked: null,

@@ -36,7 +36,7 @@ const HEAD_BYTES = 4096;
 /** Archives around an archive. */
 const MAX_DEPTH = 2;
 /** Names of files that are meant to be read. */
-const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|onnx|npy|npz|h5|hdf5|slp|pkl|zip)$/i;
+const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|onnx|npy|npz|h5|hdf5|slp|pkl|parquet|zip)$/i;
 /** The settings of a model beside it. */
 const SETTINGS = /\.onnx\.json$/i;
 const NOTHING = new Uint8Array();
@@ -181,12 +181,18 @@ async function inRecording(recording, reason) {
   const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
   try {
     const opened = await openRecording(recording);
-    if ("table" in opened) return only(tableEntry(recording.path, opened, { ...taken, reason }));
-    const { frames, arrays, error } = opened;
+    if (!("arrays" in opened))
+      return only(tableEntry(recording.path, opened, { ...taken, reason }));
+    const { frames, arrays, table, error, close } = opened;
+    if (close) container.close = close;
     container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
     if (error) container.problems.push(error);
     const entries = [];
-    if (arrays.hasPoints) {
+    if (table) {
+      entries.push(tableEntry(recording.path, table, { ...taken, reason }));
+      container.contents += " and points";
+      arrays.free();
+    } else if (arrays.hasPoints) {
       const grounds = `points of a recording; ${reason}`;
       entries.push(entryOf(recording, { ...taken, reason: grounds }, arrays));
       container.contents += " and points";
@@ -205,10 +211,10 @@ async function inRecording(recording, reason) {
  * @param {import("./entry.js").Taken} taken
  * @returns {Entry}
  */
-function tableEntry(path, { table, space }, { role, by, reason }) {
+function tableEntry(path, { table, space, notices }, { role, by, reason }) {
   const grounds = `${reason}; a guess: keypoints can look the same`;
   const entry = entryOf({ path: `${path}.csv`, blob: table }, { role, by, reason: grounds });
-  return { ...entry, path, options: space ? { space } : {} };
+  return { ...entry, path, told: notices, options: space ? { space } : {} };
 }
 
 /**

@@ -185,7 +185,7 @@ function entryItem(session, entry) {
   const role = ROLES[taken.role];
   const isResult = taken.role === "result";
   const contents = describe(entry);
-  const notices = tableOf(entry)?.notices ?? [];
+  const notices = [...entry.told, ...(tableOf(entry)?.notices ?? [])];
   const error = parsed.state === "broken" ? parsed.error : "";
   const remove = removeButton(baseName(path), () => void session.remove(entry));
   return item(taken.role, { state: parsed.state, path }, role.icon, remove, [

@@ -20,7 +20,7 @@ use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes
 /// it.
-pub const PARTS: [Part; 10] = [
+pub const PARTS: [Part; 11] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
@@ -56,6 +56,12 @@ pub const PARTS: [Part; 10] = [
         feature: "web-formats",
         profile: "wasm",
         aim: Aim::Size,
+    },
+    Part {
+        name: "tracklens_parquet",
+        feature: "web-parquet",
+        profile: "wasm",
+        aim: Aim::LeastSize,
     },
     Part {
         name: "tracklens_onnx",

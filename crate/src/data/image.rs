@@ -169,6 +169,20 @@ impl Frame {
         array
     }
 
+    /// The frame as a numpy array (`.npy`, `[H, W, 3]`) of unsigned bytes or 32-bit floats, as its
+    /// pixels are; [`Frame::decode`] reads the same frame.
+    pub fn to_array(&self) -> Vec<u8> {
+        let shape = [self.height as usize, self.width as usize, 3];
+        match &self.pixels {
+            Pixels::Bytes(_) => self.to_npy(),
+            Pixels::Floats(floats) => {
+                let mut array = npy::header("<f4", &shape);
+                array.extend(floats.iter().flat_map(|v| v.to_le_bytes()));
+                array
+            }
+        }
+    }
+
     /// The frame as planes of red, green and blue in [0, 1], 3 x height x width, resized to
     /// `[width, height]` with `filter` where that differs.
     pub fn to_planar(&self, size: Option<[usize; 2]>, filter: Filter) -> Vec<f32> {

@@ -53,7 +53,7 @@ pub use camera::{Camera, Projected};
 pub use export::Export;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
-pub use hdf5::{HDF5_MAGIC, Hdf5Points, read_hdf5_ground_truth, read_hdf5_keypoints};
+pub use hdf5::{HDF5_MAGIC, Hdf5Points, Ranges, read_hdf5_ground_truth, read_hdf5_keypoints};
 #[cfg(feature = "train")]
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};

@@ -41,6 +41,12 @@ impl NpyArray {
         FRAMES.contains(&name)
     }
 
+    /// Whether an array of this name says what frames there are: it holds them, or where their
+    /// episodes end.
+    pub fn tells_frames(name: &str) -> bool {
+        Self::holds_frames(name) || name == ENDS
+    }
+
     /// Whether an array of this name is needed as a whole, because it holds points, their names,
     /// their axis order, how sure they are or where episodes end.
     pub fn is_needed_whole(name: &str) -> bool {

@@ -108,7 +108,7 @@ impl Arrays {
             let only = self
                 .arrays
                 .iter()
-                .filter(|a| NpyArray::holds_frames(&a.name));
+                .filter(|a| NpyArray::tells_frames(&a.name));
             let recording =
                 Recording::from_arrays(only.cloned().collect(), &TableOptions::default())?;
             let [width, height] = recording.image_size();

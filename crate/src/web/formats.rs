@@ -1,11 +1,12 @@
 //! Files of other programs that are neither text nor NPZ, in JavaScript: their points as what the
 //! part that scores reads.
 
-use js_sys::{Array, Object, Reflect, Uint8Array};
+use js_sys::{Array, Uint8Array};
 use wasm_bindgen::prelude::*;
 
+use super::table::{object, table_to_js};
 use super::{JsResult, js_error};
-use crate::data::{Columns, Export, HDF5_MAGIC, Hdf5Points, NpyArray, export_pickle};
+use crate::data::{Columns, HDF5_MAGIC, Hdf5Points, NpyArray, export_pickle};
 use crate::error::{Error, Result};
 use crate::pickle::is_pickle;
 
@@ -15,9 +16,13 @@ use crate::pickle::is_pickle;
 /// When the bytes are neither, or hold no points.
 #[wasm_bindgen(js_name = readPoints)]
 pub fn read_points(bytes: Vec<u8>, name: &str) -> JsResult<JsValue> {
-    match read(bytes).map_err(|e| js_error(&e.at(name)))? {
-        Hdf5Points::Table(table) => table_to_js(&table),
-        Hdf5Points::Arrays { arrays, has_frames } => arrays_to_js(&arrays, has_frames),
+    points_to_js(&read(bytes).map_err(|e| js_error(&e.at(name)))?)
+}
+
+pub(super) fn points_to_js(points: &Hdf5Points) -> JsResult<JsValue> {
+    match points {
+        Hdf5Points::Table(table) => table_to_js(table),
+        Hdf5Points::Arrays { arrays, has_frames } => arrays_to_js(arrays, *has_frames),
     }
 }
 
@@ -53,16 +58,6 @@ fn read(bytes: Vec<u8>) -> Result<Hdf5Points> {
     }
 }
 
-fn table_to_js(Export { table, space, .. }: &Export) -> JsResult<JsValue> {
-    let space = space.map(|space| JsValue::from(space.name()));
-    object([
-        ("table", Uint8Array::from(&table[..]).into()),
-        ("space", space.unwrap_or(JsValue::NULL)),
-        ("arrays", JsValue::NULL),
-        ("hasFrames", false.into()),
-    ])
-}
-
 fn arrays_to_js(arrays: &[NpyArray], has_frames: bool) -> JsResult<JsValue> {
     let list = Array::new();
     for NpyArray { name, bytes, .. } in arrays {
@@ -74,15 +69,8 @@ fn arrays_to_js(arrays: &[NpyArray], has_frames: bool) -> JsResult<JsValue> {
     object([
         ("table", JsValue::NULL),
         ("space", JsValue::NULL),
+        ("notices", Array::new().into()),
         ("arrays", list.into()),
         ("hasFrames", has_frames.into()),
     ])
-}
-
-fn object<const N: usize>(entries: [(&str, JsValue); N]) -> JsResult<JsValue> {
-    let object = Object::new();
-    for (name, value) in entries {
-        Reflect::set(&object, &name.into(), &value)?;
-    }
-    Ok(object.into())
 }

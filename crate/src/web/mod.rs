@@ -57,12 +57,18 @@ mod object;
     feature = "web-comparison"
 ))]
 mod options;
+#[cfg(feature = "web-parquet")]
+mod parquet;
 #[cfg(any(feature = "web-scoring", feature = "web-temporal"))]
 mod request;
 #[cfg(feature = "web-scoring")]
 mod runs;
 #[cfg(feature = "web-scoring")]
 mod scoring;
+#[cfg(feature = "web-formats")]
+mod slices;
+#[cfg(any(feature = "web-formats", feature = "web-parquet"))]
+mod table;
 #[cfg(feature = "web-scoring")]
 mod tables;
 #[cfg(feature = "web-temporal")]

@@ -1,12 +1,26 @@
 // @ts-check
-/** HDF5 files and pickles: a part of the package reads them that is fetched with the first. */
+/** HDF5 files, pickles and Parquet files: parts of the package read them, fetched with the first. */
 
-import init, { Arrays, needsFormats, readPoints } from "../../pkg/index.js";
+import init, {
+  Arrays,
+  needsFormats,
+  needsParquet,
+  readParquet,
+  readPoints,
+} from "../../pkg/index.js";
 import { readError } from "../sources.js";
+import { openHdf5 } from "./hdf5.js";
 
-/** @typedef {import("../../pkg/index.js").TableOptions} TableOptions */
+/**
+ * @typedef {import("../sources.js").Source} Source
+ * @typedef {import("../../pkg/index.js").FormatPoints} FormatPoints
+ * @typedef {import("./npz.js").Recording} Recording
+ * @typedef {import("./npz.js").Table} Table
+ */
 
-const ENDINGS = /\.(h5|hdf5|slp|pkl|pickle)$/i;
+const ENDINGS = /\.(h5|hdf5|slp|pkl|pickle|parquet)$/i;
+const HDF5_ENDINGS = /\.(h5|hdf5|slp)$/i;
+const HDF5 = [0x89, 0x48, 0x44, 0x46];
 /** What is read into memory at most. */
 const MOST_BYTES = 2 ** 30;
 
@@ -16,38 +30,73 @@ const MOST_BYTES = 2 ** 30;
  * @param {Uint8Array} head
  */
 export function isForeign(path, head) {
-  return ENDINGS.test(path) || needsFormats(head);
+  return ENDINGS.test(path) || needsFormats(head) || needsParquet(head);
 }
 
 /**
- * The points of a file: as a table with the unit of its positions, or as arrays.
+ * The points of a file: as a table with the unit of its positions, or as arrays; and its frames.
  * @param {string} path
  * @param {Blob} file
- * @returns {Promise<{ table: Blob, space: TableOptions["space"] | null }
- *   | { arrays: Arrays, error: string }>} `error` names the frames that are left out
+ * @param {Uint8Array} head its first bytes
+ * @returns {Promise<Table | Recording>}
  */
-export async function openForeign(path, file) {
+export async function openForeign(path, file, head) {
+  const isHdf5 = HDF5.every((byte, i) => head[i] === byte);
+  if (isHdf5 || (HDF5_ENDINGS.test(path) && !needsFormats(head))) return openRanges(path, file);
   if (file.size > MOST_BYTES) {
     throw new Error(
-      `${path} has ${(file.size / 2 ** 30).toFixed(1)} GiB; HDF5 files and pickles are read here ` +
-        "up to 1 GiB. In the terminal `tracklens data convert` makes a table or an NPZ file of it",
+      `${path} has ${(file.size / 2 ** 30).toFixed(1)} GiB; pickles and Parquet files are read ` +
+        "here up to 1 GiB. In the terminal `tracklens data convert` makes a table of it",
     );
   }
-  await init(["formats"]).catch((error) => {
+  const isParquet = needsParquet(head) || /\.parquet$/i.test(path);
+  await load(path, isParquet ? "parquet" : "formats");
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  const points = isParquet ? readParquet(bytes, path) : readPoints(bytes, path);
+  return "table" in points && points.table ? tableOf(points) : recordingOf(path, points);
+}
+
+/**
+ * @param {string} path
+ * @param {Blob} file an HDF5 file
+ * @returns {Promise<Table | Recording>}
+ */
+async function openRanges(path, file) {
+  const { frames, points, problem, close } = await openHdf5(path, file);
+  if (points?.table && frames.length === 0) return tableOf(points);
+  const recording = { ...recordingOf(path, points), frames, close };
+  const error = problem && `${path}: ${problem}`;
+  return { ...recording, error, ...(points?.table ? { table: tableOf(points) } : {}) };
+}
+
+/**
+ * @param {string} path
+ * @param {FormatPoints | null} points
+ * @returns {Recording}
+ */
+function recordingOf(path, points) {
+  const arrays = new Arrays(path);
+  for (const { name, bytes } of points?.arrays ?? []) arrays.add(name, bytes, bytes.length);
+  return { frames: [], arrays, error: "" };
+}
+
+/**
+ * @param {FormatPoints} points
+ * @returns {Table}
+ */
+function tableOf({ table, space, notices }) {
+  const blob = new Blob([/** @type {BlobPart} */ (table)], { type: "text/csv" });
+  return { table: blob, space, notices };
+}
+
+/**
+ * @param {string} path
+ * @param {import("../../pkg/index.js").Part} part
+ */
+async function load(path, part) {
+  await init([part]).catch((error) => {
     throw new Error(
       `${path} needs a part of the page that is not there: ${readError(error, path)}`,
     );
   });
-  const found = readPoints(new Uint8Array(await file.arrayBuffer()), path);
-  if (found.table) {
-    const table = new Blob([/** @type {BlobPart} */ (found.table)], { type: "text/csv" });
-    return { table, space: found.space };
-  }
-  const arrays = new Arrays(path);
-  for (const { name, bytes } of found.arrays ?? []) arrays.add(name, bytes, bytes.length);
-  const error = found.hasFrames
-    ? `${path}: the points are used; the frames of HDF5 files are read in the terminal, where ` +
-      "`tracklens data convert` makes an NPZ file of them"
-    : "";
-  return { arrays, error };
 }

@@ -1,5 +1,5 @@
 // @ts-check
-/** Recordings: frames of NPZ files stay where they lie, points are read. */
+/** Recordings: frames stay where they lie, points are read. */
 
 import { messageOf } from "../../errors.js";
 import { Arrays } from "../../pkg/index.js";
@@ -12,12 +12,15 @@ import { entriesOf, unpack } from "./zip.js";
  * @typedef {import("../sources.js").Source} Source
  * @typedef {import("../../pkg/index.js").TableOptions} TableOptions
  *
- * The frames of a recording, and its arrays, whose points are read from them; `error` says why
- * there are no frames though there is an array of them.
- * @typedef {{ frames: Source[], arrays: Arrays, error: string }} Recording
+ * The frames of a recording, and its arrays, whose points are read from them, or a table of points
+ * in their place; `error` says why there are no frames though there is an array of them, `close`
+ * gives back what reading frames holds.
+ * @typedef {{ frames: Source[], arrays: Arrays, table?: Table, error: string, close?: () => void }}
+ * Recording
  *
- * A table that a file was turned into, and the unit of its positions where it does not say.
- * @typedef {{ table: Blob, space: TableOptions["space"] | null }} Table
+ * A table that a file was turned into, the unit of its positions where it does not say it, and what
+ * is told of how it was made.
+ * @typedef {{ table: Blob, space: TableOptions["space"] | null, notices: string[] }} Table
  */
 
 /** Enough to tell what a file is. */
@@ -31,10 +34,7 @@ export async function openRecording(recording) {
   const { path } = recording;
   const file = await blobOf(recording);
   const head = new Uint8Array(await file.slice(0, HEAD_BYTES).arrayBuffer());
-  if (isForeign(path, head)) {
-    const found = await openForeign(path, file);
-    return "table" in found ? found : { frames: [], ...found };
-  }
+  if (isForeign(path, head)) return openForeign(path, file, head);
   if (isArray(head)) {
     const arrays = new Arrays(path);
     arrays.add("keypoints", new Uint8Array(await file.arrayBuffer()), file.size);
@@ -49,7 +49,10 @@ export async function openRecording(recording) {
  */
 export async function arraysOf(recording) {
   const opened = await openRecording(recording);
-  return "arrays" in opened ? opened.arrays : null;
+  if (!("arrays" in opened)) return null;
+  // Its frames are those of the recording that is open already.
+  opened.close?.();
+  return opened.arrays;
 }
 
 /**

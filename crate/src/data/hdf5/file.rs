@@ -12,7 +12,12 @@ use crate::error::{Error, Result};
 /// What is kept of unpacked chunks at most. h5py's own choice of chunks for the paper's recording
 /// puts 63 sequences into a chunk, so that all frames of 63 sequences together (495 MB) have to be
 /// unpacked to read one sequence.
-const MAX_CHUNK_CACHE: u64 = 1 << 30;
+const MAX_CHUNK_CACHE: u64 = if cfg!(target_arch = "wasm32") {
+    // A browser gives a page less.
+    1 << 27
+} else {
+    1 << 30
+};
 
 /// An image of [`MAX_SIDE`](crate::data::MAX_SIDE) squared in f64; a guard against damaged files.
 const MAX_READ: usize = 8192 * 8192 * 3 * 8;

@@ -12,7 +12,7 @@ mod sleap;
 use std::fs::File;
 use std::sync::Arc;
 
-use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
+use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage, Storage, StorageBuffer};
 
 use super::arrays::{FRAMES, find};
 use super::export::Export;
@@ -61,12 +61,59 @@ impl Recording {
         Self::from_storage(Arc::new(storage), array, options)
     }
 
+    /// As [`Recording::from_hdf5_file`], of a file that is read by other means.
+    ///
+    /// # Errors
+    /// As [`Recording::from_hdf5_bytes`].
+    pub fn from_hdf5_ranges(
+        file: Arc<dyn Ranges>,
+        array: Option<&str>,
+        options: &TableOptions,
+    ) -> Result<Self> {
+        Self::from_storage(Arc::new(Ranged(file)), array, options)
+    }
+
     fn from_storage(
         storage: DynStorage,
         array: Option<&str>,
         options: &TableOptions,
     ) -> Result<Self> {
         Self::new(Box::new(Hdf5::open(storage)?), array, options)
+    }
+}
+
+/// A file of which ranges of bytes can be read.
+pub trait Ranges: Send + Sync {
+    /// Its size in bytes.
+    fn size(&self) -> u64;
+
+    /// The `length` bytes from `start` on.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    fn range(&self, start: u64, length: usize) -> Result<Vec<u8>>;
+}
+
+/// A file for the reader of HDF5.
+struct Ranged(Arc<dyn Ranges>);
+
+impl Storage for Ranged {
+    fn len(&self) -> u64 {
+        self.0.size()
+    }
+
+    fn read_range(
+        &self,
+        start: u64,
+        length: usize,
+    ) -> Result<StorageBuffer, hdf5_reader::error::Error> {
+        let end = start.checked_add(length as u64);
+        if end.is_none_or(|end| end > self.len()) {
+            return Err(hdf5_reader::error::Error::OffsetOutOfBounds(start));
+        }
+        let bytes = self.0.range(start, length);
+        let bytes = bytes.map_err(|e| std::io::Error::other(e.to_string()))?;
+        Ok(StorageBuffer::from_vec(bytes))
     }
 }
 
@@ -90,7 +137,19 @@ impl Hdf5Points {
     /// # Errors
     /// When the bytes are no whole HDF5 file, or what they hold cannot be read.
     pub fn of_bytes(bytes: Vec<u8>) -> Result<Self> {
-        let file = Hdf5::open(Arc::new(BytesStorage::new(bytes)))?;
+        Self::of_storage(Arc::new(BytesStorage::new(bytes)))
+    }
+
+    /// Of a file that is read by other means.
+    ///
+    /// # Errors
+    /// As [`Hdf5Points::of_bytes`].
+    pub fn of_ranges(file: Arc<dyn Ranges>) -> Result<Self> {
+        Self::of_storage(Arc::new(Ranged(file)))
+    }
+
+    fn of_storage(storage: DynStorage) -> Result<Self> {
+        let file = Hdf5::open(storage)?;
         match export(&file)? {
             Some(table) => Ok(Self::Table(table)),
             None => Ok(Self::Arrays {

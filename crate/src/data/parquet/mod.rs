@@ -5,6 +5,7 @@ mod pages;
 mod thrift;
 
 use bytes::Bytes;
+use parquet::basic::Compression;
 use parquet::column::reader::{ColumnReader, get_column_reader};
 use parquet::file::metadata::{ColumnChunkMetaData, RowGroupMetaData};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
@@ -189,6 +190,13 @@ impl File {
     /// The bytes of a column.
     fn chunk(&self, chunk: &ColumnChunkMetaData) -> Result<&[u8]> {
         let wrong = || Error::input("it does not lie in the file; is the file damaged?");
+        // The unpacking of Zstandard is C.
+        if cfg!(target_arch = "wasm32") && matches!(chunk.compression(), Compression::ZSTD(_)) {
+            return Err(Error::input(
+                "it is packed by Zstandard, which the page does not unpack; write the file with snappy \
+                 (pandas: `to_parquet(…, compression=\"snappy\")`)",
+            ));
+        }
         if chunk.file_path().is_some() {
             return Err(Error::input(
                 "it lies in another file; write the table as one file",
