@@ -18,12 +18,14 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
+from itertools import islice
 from pathlib import Path
 
 try:
     import h5py
     import numpy as np
     import pybullet
+    from numpy.typing import NDArray
     from PIL import Image
 
     from scene import (
@@ -46,6 +48,21 @@ except ModuleNotFoundError as error:
 
 ACTION_STD = 1.0
 
+PUSH_NOISE = 0.3
+"""Standard deviation of what is added to the actions of a push."""
+STEP = 0.05
+"""How far the end effector goes in a step at most, in metres: an action of 1."""
+BEHIND = 0.08
+"""From here the cube is pushed: metres from its middle."""
+PUSHED = 0.03
+"""So far a push goes beyond where the cube was, in metres."""
+PUSH_SPEED = 0.5
+"""The longest action of a push."""
+AWAY = (-0.3, 0.2, 0.15), (0.05, 0.4, 0.4)
+"""Two corners of the box of places between pushes, on one side of the table, in metres."""
+HEIGHT = 0.02
+"""Of the end effector above the table while it pushes, in metres."""
+
 
 @dataclass
 class Sequence:
@@ -67,25 +84,71 @@ class Statistics:
     """Frames of sequences that the end of their episode cut short."""
 
 
-def recorded(
-    environment: Environment, seed: int, length: int, steps: int, statistics: Statistics
-) -> Iterator[Sequence]:
-    """Records sequences of `length` frames without end, under the paper's random policy, from episodes of `steps`.
+Actions = Iterator[NDArray[np.float32]]
+"""The actions of an episode, one after the other."""
 
-    The action does a random walk: drawn once an episode from the action space, then moved by Gaussian noise before
-    every step, the first one included, and clipped to the action space.
+
+def random_walk(environment: Environment, noise: np.random.Generator) -> Actions:
+    """The paper's policy: the action does a random walk.
+
+    It is drawn once an episode from the action space, then moved by Gaussian noise before every step, the first one
+    included, and clipped to the action space.
     """
-    noise = np.random.default_rng(seed)
     space = environment.action_space
-    space.seed(seed)
+    action = space.sample()
+    while True:
+        moved = action + noise.normal(scale=ACTION_STD, size=space.shape)
+        action = np.clip(moved, space.low, space.high).astype(np.float32)
+        yield action
+
+
+def pushes(environment: Environment, noise: np.random.Generator) -> Actions:
+    """Pushes the cube to and fro, so that arm and cube move in every episode.
+
+    The end effector goes above a place beside the cube, down, through the cube towards the middle of the table, and
+    away to a place that is drawn; then again. Noise is added to every action.
+    """
+    space = environment.action_space
+    while True:
+        cube = environment.sim.get_base_position("object")
+        turn = noise.normal(scale=0.5)
+        x, y = -cube[:2] / max(np.linalg.norm(cube[:2]), 1e-6)
+        direction = np.array(
+            [x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 0.0]
+        )
+        start, end = cube - BEHIND * direction, cube + PUSHED * direction
+        above = start + [0, 0, 2 * BEHIND]
+        away = noise.uniform(*AWAY) * [1, noise.choice([-1, 1]), 1]
+        for goal, speed in ((above, 1.0), (start, 1.0), (end, PUSH_SPEED), (away, 1.0)):
+            goal = np.array([*goal[:2], max(goal[2], HEIGHT)])
+            for _ in range(10):
+                way = goal - environment.robot.get_ee_position()
+                if np.linalg.norm(way) < STEP / 2:
+                    break
+                moved = np.clip(way / STEP, -speed, speed)
+                moved += noise.normal(scale=PUSH_NOISE * speed, size=space.shape)
+                yield np.clip(moved, space.low, space.high).astype(np.float32)
+
+
+POLICIES: dict[str, Callable[[Environment, np.random.Generator], Actions]] = {
+    "random": random_walk,
+    "push": pushes,
+}
+
+
+def recorded(
+    environment: Environment, options: argparse.Namespace, statistics: Statistics
+) -> Iterator[Sequence]:
+    """Records sequences without end, as many as an episode has room for."""
+    length, seed = options.sequence_length, options.seed
+    noise = np.random.default_rng(seed)
+    environment.action_space.seed(seed)
     while True:
         statistics.episodes += 1
         environment.reset(seed=seed + statistics.episodes)
-        action = space.sample()
+        actions = POLICIES[options.policy](environment, noise)
         sequence = Sequence(statistics.episodes)
-        for _ in range(steps):
-            moved = action + noise.normal(scale=ACTION_STD, size=space.shape)
-            action = np.clip(moved, space.low, space.high).astype(np.float32)
+        for action in islice(actions, options.episode_steps):
             _, _, success, _, _ = environment.step(action)
             sequence.frames.append(environment.frame())
             sequence.sites.append(environment.sites())
@@ -220,9 +283,7 @@ def record(options: argparse.Namespace, folder: Path) -> None:
             stack.enter_context(episode_store(folder)),
         ]
         progress = Progress(options.sequences)
-        source = recorded(
-            environment, options.seed, options.sequence_length, options.episode_steps, statistics
-        )
+        source = recorded(environment, options, statistics)
         for _ in range(options.sequences):
             sequence = next(source)
             for store in stores:
@@ -241,6 +302,7 @@ def describe(options: argparse.Namespace, camera: Camera, statistics: Statistics
         "frames": options.sequence_length,
         "episode_steps": options.episode_steps,
         "meshes": options.meshes,
+        "policy": options.policy,
         "action_std": ACTION_STD,
         "size": options.size,
         "antialias": ANTIALIAS,
@@ -316,6 +378,12 @@ def arguments() -> argparse.ArgumentParser:
         default=20,
         metavar="T",
         help="steps of an episode, at least those of a sequence (default 20)",
+    )
+    parser.add_argument(
+        "--policy",
+        choices=POLICIES,
+        default="random",
+        help="what the arm does: the paper's random walk (default), or pushes of the cube",
     )
     parser.add_argument(
         "--meshes",
