@@ -82,9 +82,8 @@ function check({ file, role, options, errors, objects, notes, axes, ...each }, p
     const texts = [...told, ...table.notices];
     for (const note of notes) assert.ok(texts.some((text) => text.includes(note)), note);
     if (isTruth) assert.deepEqual(table.objects, objects);
-    const other = isTruth
-      ? KeypointTable.parse(await read(keypoints), keypoints)
-      : GroundTruthTable.parse(await read(truth), truth);
+    const beside = each.beside ?? (isTruth ? keypoints : truth);
+    const other = (isTruth ? KeypointTable : GroundTruthTable).parse(await read(beside), beside);
     const scoring = isTruth ? new Scoring(table, other) : new Scoring(other, table);
     const found = scoring.evaluate({ folds: 0 }).errors.flat();
     const theirs = errors.flat();

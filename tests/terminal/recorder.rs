@@ -76,6 +76,37 @@ fn a_recording_has_whole_sequences_and_says_what_was_dropped() {
     assert_eq!((count("successes"), count("dropped")), (1, 1));
 }
 
+#[test]
+fn pushes_move_arm_and_cube_in_every_sequence() {
+    let Some(pushes) = std::env::var_os("TRACKLENS_PUSHES").map(PathBuf::from) else {
+        println!("skipped: TRACKLENS_PUSHES names no recording; `cargo xtask test` makes one");
+        return;
+    };
+    assert_eq!(json(&pushes.join("meta.json"))["policy"], "push");
+    let table = fs::read_to_string(pushes.join("ground_truth.csv")).expect("a table");
+    for sequence in 0..3 {
+        for object in ["cube", "eef"] {
+            let positions: Vec<[f64; 2]> = table
+                .lines()
+                .map(|line| line.split(',').collect::<Vec<_>>())
+                .filter(|row| row[0] == sequence.to_string() && row[2] == object)
+                .map(|row| [3, 4].map(|axis| row[axis].parse().expect("a number")))
+                .collect();
+            assert_eq!(positions.len(), 30);
+            let moved = positions.iter().map(|[x, y]| {
+                let [x0, y0] = positions[0];
+                (x - x0).hypot(y - y0)
+            });
+            let farthest = moved.fold(0.0, f64::max);
+            // The cube is about 0.1 wide.
+            assert!(
+                farthest > 0.03,
+                "{object} of sequence {sequence}: {farthest}"
+            );
+        }
+    }
+}
+
 /// The camera and the scene: the first frame against one of the recording that the example and the
 /// fixtures come from. Robot, cube and target are elsewhere; the rest, more than nine pixels of
 /// ten, is the same but for rounding.

@@ -184,9 +184,9 @@ fn recorder_python(workspace: &Workspace) -> Result<PathBuf> {
     )
 }
 
-/// Records two sequences, which the tests then find by their environment. With this seed the first
-/// episode is solved at once, so that its sequence is dropped. The curriculum of the example runs
-/// through on them, in its short form.
+/// Records two sequences, which the tests then find by their environment, and pushes. With this seed
+/// the first episode is solved at once, so that its sequence is dropped. The curriculum of the
+/// example runs through on them, in its short form.
 fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     let folder = tempfile::tempdir().context("no folder for the recording")?;
     let recording = folder.path().join("recording");
@@ -196,11 +196,21 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
         .args(["--sequences", "2", "--seed", "40", "--out"])
         .arg(&recording);
     run::run(&mut record)?;
+    let pushes = folder.path().join("pushes");
+    let mut record = run::command(python);
+    record
+        .arg(recorder(workspace).join("record.py"))
+        .args(["--policy", "push", "--sequences", "3"])
+        .args(["--sequence-length", "30", "--episode-steps", "30"])
+        .args(["--size", "16", "--meshes", "simple", "--out"])
+        .arg(&pushes);
+    run::run(&mut record)?;
     let mut cargo = run::cargo();
     cargo
         .args(["test", "--release", "--package=tracklens"])
         .args(["--test=terminal", "recorder::"])
-        .env("TRACKLENS_RECORDED", &recording);
+        .env("TRACKLENS_RECORDED", &recording)
+        .env("TRACKLENS_PUSHES", &pushes);
     run::run(cargo.current_dir(workspace.root()))?;
     // The tests have built the binary.
     let mut curriculum = run::command(python);

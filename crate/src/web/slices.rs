@@ -9,9 +9,7 @@ use wasm_bindgen::prelude::*;
 
 use super::formats::points_to_js;
 use super::{JsResult, js_error};
-use crate::data::{
-    Export, FrameSource as _, Hdf5Points, Ranges, Recording, TableOptions, ground_truth_csv,
-};
+use crate::data::{FrameSource as _, Hdf5Points, Ranges, Recording, TableOptions};
 use crate::error::{Error, Reason, Result};
 
 /// What is read at once where less is asked for: the structures of a file lie close together.
@@ -131,21 +129,11 @@ impl Hdf5File {
     /// # Errors
     /// When there are neither, or the points cannot be read.
     pub fn points(&self) -> JsResult<JsValue> {
-        let points = Hdf5Points::of_ranges(self.file.clone());
-        let points = match (points, &self.recording) {
-            (Ok(points), _) => points,
-            // Those of groups are no arrays of the file.
-            (Err(_), Ok(recording)) => match recording.truth() {
-                Some(truth) => Hdf5Points::Table(Export {
-                    table: ground_truth_csv(truth).into_bytes(),
-                    space: None,
-                    notices: recording.notices().to_vec(),
-                }),
-                None => return Ok(JsValue::NULL),
-            },
-            (Err(error), Err(_)) => return Err(js_error(&error.at(&self.name))),
-        };
-        points_to_js(&points)
+        match (Hdf5Points::of_ranges(self.file.clone()), &self.recording) {
+            (Ok(points), _) => points_to_js(&points),
+            (Err(_), Ok(_)) => Ok(JsValue::NULL),
+            (Err(error), Err(_)) => Err(js_error(&error.at(&self.name))),
+        }
     }
 
     /// Why the frames cannot be used; empty where they can, and where there are none.

@@ -21,7 +21,7 @@ use super::npy::NpyArray;
 use super::points;
 use super::reading::{Parsed, TableOptions};
 use super::recording::Recording;
-use super::table::Columns;
+use super::table::{Columns, ground_truth_csv};
 use crate::error::{Error, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 use errors::broken;
@@ -152,6 +152,15 @@ impl Hdf5Points {
         let file = Hdf5::open(storage)?;
         match export(&file)? {
             Some(table) => Ok(Self::Table(table)),
+            // Those of robomimic's episodes are no arrays of the file.
+            None if !as_npy::has_points(&file)? => {
+                let points = points::ground_truth(&file, &TableOptions::default())?;
+                Ok(Self::Table(Export {
+                    table: ground_truth_csv(&points.content).into_bytes(),
+                    space: None,
+                    notices: points.notices,
+                }))
+            }
             None => Ok(Self::Arrays {
                 arrays: as_npy::points(&file)?,
                 has_frames: find(&file, &FRAMES)?.is_some(),

@@ -1,0 +1,98 @@
+//! Files of other programs on the page, against the `tracklens` command on the same files.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use tracklens_page_tests::{Browser, Page, in_every_browser, text, tracklens_json};
+
+in_every_browser! {
+    tables_of_other_programs_are_scored_as_in_the_terminal
+    frames_of_an_hdf5_file_are_read_by_slices
+}
+
+/// Relative: the same arithmetic in WebAssembly.
+const TABLES: f64 = 1e-12;
+/// Relative: f32 convolutions differ in the last digits between native and WebAssembly kernels.
+const EXTRACTED: f64 = 1e-6;
+
+fn tests(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+/// Waits until the page shows the errors of an evaluation of the command.
+async fn shows(page: &Page, expected: &Value, tolerance: f64) {
+    page.until_scored().await;
+    for object in expected["objects"].as_array().expect("objects") {
+        let card = format!(
+            "document.querySelector('.card[data-object={}]')?.dataset.error",
+            object["name"]
+        );
+        let error = object["error"].as_f64().expect("a number");
+        page.until(&format!(
+            "Math.abs(Number({card}) - {error}) <= {tolerance} * {error}"
+        ))
+        .await;
+    }
+}
+
+async fn tables_of_other_programs_are_scored_as_in_the_terminal(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let keypoints = tests("public/files/keypoints.csv");
+    for (file, is_in_pixels) in [
+        ("tidy.parquet", false),
+        ("tidy-gzip.parquet", false),
+        ("pandas-wide-table.h5", false),
+        ("tap-vid-4.pkl", false),
+        ("dlc-fixed.h5", true),
+        ("sleap.slp", true),
+    ] {
+        let truth = tests("public/files").join(file);
+        page.pick(&[&truth, &keypoints]).await;
+        let [truth, keypoints] = [&truth, &keypoints].map(|path| text(path));
+        let mut command = vec!["score", "--truth", &truth, "--keypoints", &keypoints];
+        if is_in_pixels {
+            enter_size(&page, ["100", "80"]).await;
+            command.extend(["--image-size", "100x80"]);
+        }
+        shows(&page, &tracklens_json(&command), TABLES).await;
+        page.click("#start-over").await;
+    }
+    page.close().await;
+}
+
+/// Says how large the images are that a table in pixels belongs to.
+async fn enter_size(page: &Page, size: [&str; 2]) {
+    page.until("document.querySelectorAll('.image-size input').length === 2")
+        .await;
+    for (side, pixels) in ["width", "height"].into_iter().zip(size) {
+        page.value(&format!(
+            "(() => {{ const field = document.querySelector('.image-size input[name=image-{side}]'); \
+             field.value = '{pixels}'; field.dispatchEvent(new Event('change')); }})()"
+        ))
+        .await;
+    }
+}
+
+async fn frames_of_an_hdf5_file_are_read_by_slices(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let frames = tests("data/formats/plain.hdf5");
+    let checkpoint = tests("golden/basic-vel-std-bg-tiny.safetensors");
+    page.pick(&[&frames, &checkpoint]).await;
+    let [file, weights] = [&frames, &checkpoint].map(|path| text(path));
+    let expected = tracklens_json(&["eval", "--checkpoint", &weights, "--frames", &file]);
+    shows(&page, &expected, EXTRACTED).await;
+    page.until_text("15 frames and points").await;
+    page.until("document.querySelector('#stage').dataset.picture.startsWith('plain.hdf5/seq_')")
+        .await;
+    assert_eq!(
+        page.value("document.querySelector('#problems').textContent")
+            .await,
+        json!("")
+    );
+    // Nothing of it is left once it is removed.
+    page.click("#files [data-role=recording] .icon-button")
+        .await;
+    page.until("document.querySelector('#files [data-role=image]') === null")
+        .await;
+    page.close().await;
+}
