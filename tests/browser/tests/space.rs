@@ -250,7 +250,7 @@ async fn z_can_be_left_out(browser: Browser) {
         ))
         .await;
         page.until(&format!(
-            "document.querySelector('#files [data-path=\"{file}\"]').textContent.includes('z is left out')"
+            "document.querySelector('#files [data-path=\"{file}\"]').textContent.includes('ignored: z')"
         ))
         .await;
     }
