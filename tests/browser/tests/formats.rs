@@ -12,8 +12,10 @@ in_every_browser! {
 
 /// Relative: the same arithmetic in WebAssembly.
 const TABLES: f64 = 1e-12;
-/// Relative: f32 convolutions differ in the last digits between native and WebAssembly kernels.
-const EXTRACTED: f64 = 1e-6;
+/// Relative: f32 convolutions differ in the last digits between native and WebAssembly kernels. A
+/// keypoint that is off by d changes a mean squared distance e by 2 d / sqrt(e) of it; d is up to
+/// 3e-7 here, and e down to 0.0045.
+const EXTRACTED: f64 = 1e-5;
 
 /// A file of the tests; Chromium takes no `..` in its path.
 fn tests(path: &str) -> PathBuf {
