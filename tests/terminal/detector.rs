@@ -256,6 +256,6 @@ fn inspect_says_what_a_model_is_and_what_it_leaves_open() {
     );
 
     let refused = inspect("simcc.onnx", &["--plan", "64x64"]);
-    assert_eq!(refused.status.code(), Some(3));
+    assert_eq!(refused.status.code(), Some(4));
     assert!(stderr(&refused).contains("this is an ONNX model"));
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 use safetensors::tensor::{Dtype, SafeTensors, View};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::choice::{Choice, Wanted};
 use super::contents::Contents;
@@ -66,13 +66,14 @@ pub fn write(contents: &Contents) -> Result<Vec<u8>> {
 }
 
 /// The same file with its header in alphabetical order: `safetensors` writes the metadata in the
-/// random order of a hash map, and equal checkpoints have to be equal files.
+/// random order of a hash map, and equal checkpoints have to be equal files. A map of `serde_json`
+/// would keep that order where another crate asks for it.
 fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
     const LENGTH: usize = size_of::<u64>();
     let (length, rest) = bytes.split_at(LENGTH);
     let length = length.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
     let (header, data) = rest.split_at(length);
-    let header: BTreeMap<String, Map<String, Value>> = serde_json::from_slice(header)?;
+    let header: BTreeMap<String, BTreeMap<String, Value>> = serde_json::from_slice(header)?;
     let mut header = serde_json::to_vec(&header)?;
     header.resize(header.len().next_multiple_of(LENGTH), b' ');
     let length = (header.len() as u64).to_le_bytes();
