@@ -287,7 +287,7 @@ async fn a_result_that_cannot_be_read_says_why_and_leaves_the_others() {
     page.until_text("the evaluation has the schema tracklens/evaluation/9")
         .await;
     page.until_text(
-        "reads up to tracklens/evaluation/3. Use the version of tracklens that wrote it",
+        "reads up to tracklens/evaluation/4. Use the version of tracklens that wrote it",
     )
     .await;
     page.pick(&[&files[1], &files[2], &good]).await;
