@@ -33,6 +33,7 @@ export function plots(session) {
     schedule();
   };
   const views = QUANTITIES.map((quantity) => new PlotView(session, quantity, time, changed));
+  const [, before, height] = views;
   const { buttons, all } = zoomButtons(session, time, changed);
   let scheduled = false;
   let drawn = "";
@@ -60,11 +61,10 @@ export function plots(session) {
       return;
     }
     const colors = schemeColors();
-    const { isInSpace } = session.score;
-    for (const view of views) {
-      view.element.hidden = view.quantity === "z" && !isInSpace;
-      view.draw(colors);
-    }
+    // Only in space there is a z.
+    if (!session.score.isInSpace) height.element.remove();
+    else if (!height.element.isConnected) before.element.after(height.element);
+    for (const view of views) view.draw(colors);
   };
   const schedule = () => {
     if (scheduled) return;
@@ -84,7 +84,8 @@ export function plots(session) {
   const resized = new ResizeObserver(schedule);
   for (const { canvas } of views) resized.observe(canvas);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", schedule);
-  return { elements: views.map(({ element }) => element), zoom: buttons };
+  const elements = views.filter((view) => view !== height).map(({ element }) => element);
+  return { elements, zoom: buttons };
 }
 
 /**
