@@ -87,9 +87,11 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             Role::Recording,
             format!("points, by its ending `.{ending}`"),
         ),
-        "zip" if file.to_ascii_lowercase().ends_with(".zarr.zip") => for_terminal(
-            "Zarr",
-            "data convert FILE OUT.npz` makes an NPZ file of one",
+        "zip" if file.to_ascii_lowercase().ends_with(".zarr.zip") => sure(
+            Role::Unknown,
+            "Zarr files are for the terminal: `tracklens data convert FILE OUT.npz` makes an NPZ file \
+             of one"
+                .to_owned(),
         ),
         "zip" if Format::of(head).is_none() => sure(
             Role::Archive,
@@ -114,12 +116,6 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             ),
         },
     }
-}
-
-/// A file that the page does not read.
-fn for_terminal(format: &str, remedy: &str) -> (Role, String, bool) {
-    let reason = format!("{format} files are for the terminal: `tracklens {remedy}");
-    (Role::Unknown, reason, false)
 }
 
 fn table(head: &[u8]) -> (Role, String, bool) {

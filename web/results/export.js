@@ -58,14 +58,14 @@ export function exportView(session) {
       ),
   ];
   const { isInSpace, scoring } = session.score;
-  const video = scoring && !isInSpace && videoButton(session);
+  const video = scoring && !isInSpace ? videoButton(session) : null;
   const repeat = repeatView(session);
   const element = h(
     "section",
     { class: "panel taking", "aria-labelledby": "taking-title" },
     h("h3", { id: "taking-title" }, "Export"),
-    h("div", { class: "downloads" }, ...downloads, video && video.button),
-    video && video.problem,
+    h("div", { class: "downloads" }, ...downloads, video?.button),
+    video?.problem,
     h("p", { class: "hint-line" }, "Each figure has its own links to save it."),
     paperView(session),
     shareView(session),

@@ -164,6 +164,13 @@ impl Recording {
         [self.arrays[0].width, self.arrays[0].height]
     }
 
+    /// The frames as paths, each in the folder of its sequence.
+    pub fn frame_paths(&self) -> Vec<String> {
+        let keys = self.index.keys().iter();
+        keys.map(|key| format!("{}/frame_{:06}", key.sequence, key.frame))
+            .collect()
+    }
+
     /// The name of the array of frames; of several, of the first one.
     pub fn frames_name(&self) -> &str {
         &self.arrays[0].name

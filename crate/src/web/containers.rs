@@ -6,9 +6,7 @@ use wasm_bindgen::prelude::*;
 
 use super::tables::{GroundTruthTable, KeypointTable, table_options};
 use super::{JsResult, js_error, to_js};
-use crate::data::{
-    self, ArchiveEntry, ArchiveIndex, FrameSource as _, NpyArray, Recording, TableOptions,
-};
+use crate::data::{self, ArchiveEntry, ArchiveIndex, NpyArray, Recording, TableOptions};
 
 /// Reads the directory of a ZIP archive of `size` bytes from the last ones.
 ///
@@ -113,12 +111,9 @@ impl Arrays {
                 Recording::from_arrays(only.cloned().collect(), &TableOptions::default())?;
             let [width, height] = recording.image_size();
             let (start, length) = recording.frame_place(0).unwrap_or_default();
-            let keys = recording.index().keys().iter();
             Ok(Frames {
                 array: recording.frames_name().to_owned(),
-                paths: keys
-                    .map(|key| format!("{}/frame_{:06}", key.sequence, key.frame))
-                    .collect(),
+                paths: recording.frame_paths(),
                 width,
                 height,
                 start,

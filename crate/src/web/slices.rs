@@ -148,12 +148,10 @@ impl Hdf5File {
     /// The frames, each in the folder of its sequence.
     #[wasm_bindgen(getter)]
     pub fn paths(&self) -> Vec<String> {
-        let keys = self
-            .recording
-            .iter()
-            .flat_map(|recording| recording.index().keys());
-        keys.map(|key| format!("{}/frame_{:06}", key.sequence, key.frame))
-            .collect()
+        self.recording
+            .as_ref()
+            .map(Recording::frame_paths)
+            .unwrap_or_default()
     }
 
     /// A frame as a `.npy` array.

@@ -275,6 +275,23 @@ impl Page {
             .await;
     }
 
+    /// Waits until the cards show the errors of an evaluation of the command, but for the share
+    /// `tolerance` of each.
+    pub async fn until_errors(&self, expected: &Value, tolerance: f64) {
+        self.until_scored().await;
+        for object in expected["objects"].as_array().expect("objects") {
+            let card = format!(
+                "document.querySelector('.card[data-object={}]')?.dataset.error",
+                object["name"]
+            );
+            let error = object["error"].as_f64().expect("a number");
+            self.until(&format!(
+                "Math.abs(Number({card}) - {error}) <= {tolerance} * {error}"
+            ))
+            .await;
+        }
+    }
+
     /// The file that the page saves when a selector is clicked.
     pub async fn saved(&self, selector: &str) -> Vec<u8> {
         let before = self.number("globalThis.__made").await;

@@ -35,22 +35,6 @@ fn evaluation_of_the_example() -> Value {
     parsed(&eval_example(&[]))
 }
 
-/// The errors on the page are those of an evaluation of the command.
-async fn shows(page: &Page, expected: &Value, tolerance: f64) {
-    page.until_scored().await;
-    for object in expected["objects"].as_array().expect("objects") {
-        let card = format!(
-            "document.querySelector('.card[data-object={}]')?.dataset.error",
-            object["name"]
-        );
-        let error = object["error"].as_f64().expect("a number");
-        page.until(&format!(
-            "Math.abs(Number({card}) - {error}) <= {tolerance} * {error}"
-        ))
-        .await;
-    }
-}
-
 /// Files for an archive, by path.
 type Files = Vec<(String, Vec<u8>)>;
 
@@ -175,7 +159,7 @@ async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) 
         "320x200",
     ];
     let expected = tracklens_json(&arguments);
-    shows(&page, &expected, 1e-12).await;
+    page.until_errors(&expected, 1e-12).await;
     assert_eq!(
         page.value("document.querySelector('#problems').textContent")
             .await,
@@ -216,7 +200,8 @@ async fn an_archive_of_folders_and_of_archives_scores_as_the_folder() {
     let zip = folder.put("run.zip", &archive(&outer, CompressionMethod::Deflated));
     let page = Page::open().await;
     page.pick(&[&zip, &checkpoint]).await;
-    shows(&page, &evaluation_of_the_example(), ERRORS).await;
+    page.until_errors(&evaluation_of_the_example(), ERRORS)
+        .await;
     let frames_shown = page
         .number("document.querySelector('#files [data-role=image]').dataset.frames")
         .await;
@@ -251,7 +236,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
     let expected = tracklens_json(&["eval", "--checkpoint", &checkpoint, "--frames", &text(&npz)]);
     let page = Page::open().await;
     page.pick(&[&npz, Path::new(&checkpoint)]).await;
-    shows(&page, &expected, ERRORS).await;
+    page.until_errors(&expected, ERRORS).await;
     page.until("document.querySelector('#stage').dataset.picture?.startsWith('push.npz/seq_')")
         .await;
     page.until(&format!("{FILES}.includes('assumed')")).await;
@@ -274,7 +259,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
         .await;
     page.pick(&[&folder.put("recordings.zip", &zip), Path::new(&checkpoint)])
         .await;
-    shows(&page, &expected, ERRORS).await;
+    page.until_errors(&expected, ERRORS).await;
 
     // Points with their coordinates swapped score as the terminal's do.
     let swapped = tracklens_json(&[
@@ -287,7 +272,7 @@ async fn recordings_score_as_in_the_terminal_stored_and_packed() {
         "yx",
     ]);
     correct(&page, "ground-truth", "axisOrder", "yx").await;
-    shows(&page, &swapped, ERRORS).await;
+    page.until_errors(&swapped, ERRORS).await;
 
     // Frames that are not understood do not take the points with them.
     let broken: Files = arrays
@@ -451,7 +436,7 @@ async fn guesses_are_marked_and_can_be_corrected() {
         [Path::new(&checkpoint), Path::new(&frames), &truth],
         &["--space", "px", "--axis-order", "yx", "--index-base", "1"],
     ));
-    shows(&page, &expected, ERRORS).await;
+    page.until_errors(&expected, ERRORS).await;
 
     // The command that is shown has the corrections.
     let files = [
@@ -507,7 +492,7 @@ async fn the_command_repeats_what_was_corrected_in_both_tables() {
         ] {
             assert!(command.contains(option), "{option} in {command}");
         }
-        shows(&page, &again, 1e-12).await;
+        page.until_errors(&again, 1e-12).await;
     }
     page.close().await;
 }
@@ -542,7 +527,7 @@ async fn deeplabcut_and_coco_score_as_the_tidy_table_and_as_in_the_terminal() {
             [Path::new(&checkpoint), Path::new(&frames), &file],
             &[],
         ));
-        shows(&page, &expected, ERRORS).await;
+        page.until_errors(&expected, ERRORS).await;
         for k in 0..3 {
             let [a, b] =
                 [&expected, &same].map(|e| e["objects"][k]["error"].as_f64().expect("a number"));
@@ -591,7 +576,7 @@ async fn keypoints_of_deeplabcut_and_coco_score_as_in_the_terminal() {
             "--image-size",
             "256x256",
         ]);
-        shows(&page, &expected, 1e-12).await;
+        page.until_errors(&expected, 1e-12).await;
         page.click("#files [data-role=keypoints] .icon-button")
             .await;
         page.until("!document.querySelector('#files [data-role=keypoints]')")
@@ -640,7 +625,7 @@ async fn a_table_taken_for_the_wrong_thing_gets_another_role() {
         "--keypoints",
         &text(&keypoints),
     ]);
-    shows(&page, &expected, 1e-12).await;
+    page.until_errors(&expected, 1e-12).await;
 
     // Put away, and taken back.
     correct(&page, "keypoints", "role", "unknown").await;
@@ -653,7 +638,7 @@ async fn a_table_taken_for_the_wrong_thing_gets_another_role() {
     .await;
     page.until("document.querySelector('#missing[hidden]')")
         .await;
-    shows(&page, &expected, 1e-12).await;
+    page.until_errors(&expected, 1e-12).await;
     page.close().await;
 }
 
@@ -668,7 +653,8 @@ async fn files_are_replaced_and_removed_without_starting_over() {
     page.pick_folder(&folder.0.path().join("frames")).await;
     page.pick(&[Path::new(&truth), Path::new(&checkpoint)])
         .await;
-    shows(&page, &evaluation_of_the_example(), ERRORS).await;
+    page.until_errors(&evaluation_of_the_example(), ERRORS)
+        .await;
 
     // A corrected table under the same name takes the place of the first at once.
     let other: String = fs::read_to_string(&truth)

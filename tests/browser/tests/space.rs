@@ -101,18 +101,7 @@ fn at(s: usize, t: usize) -> [[f64; 3]; 2] {
 
 /// Waits until the page shows the errors of an evaluation of the command.
 async fn shows(page: &Page, expected: &Value) {
-    page.until_scored().await;
-    for object in expected["objects"].as_array().expect("objects") {
-        let card = format!(
-            "document.querySelector('.card[data-object={}]')?.dataset.error",
-            object["name"]
-        );
-        let error = object["error"].as_f64().expect("a number");
-        page.until(&format!(
-            "Math.abs(Number({card}) - {error}) <= {ERRORS} * {error}"
-        ))
-        .await;
-    }
+    page.until_errors(expected, ERRORS).await;
     // An unknown TC is `null` in both.
     assert_eq!(
         page.value("JSON.parse(document.querySelector('#results').dataset.tc)")

@@ -20,7 +20,8 @@ import { openHdf5 } from "./hdf5.js";
 
 const ENDINGS = /\.(h5|hdf5|slp|pkl|pickle|parquet)$/i;
 const HDF5_ENDINGS = /\.(h5|hdf5|slp)$/i;
-const HDF5 = [0x89, 0x48, 0x44, 0x46];
+/** How HDF5 files begin; pickles begin with 0x80. */
+const HDF5 = 0x89;
 /** What is read into memory at most. */
 const MOST_BYTES = 2 ** 30;
 
@@ -41,8 +42,8 @@ export function isForeign(path, head) {
  * @returns {Promise<Table | Recording>}
  */
 export async function openForeign(path, file, head) {
-  const isHdf5 = HDF5.every((byte, i) => head[i] === byte);
-  if (isHdf5 || (HDF5_ENDINGS.test(path) && !needsFormats(head))) return openRanges(path, file);
+  const isHdf5 = needsFormats(head) ? head[0] === HDF5 : HDF5_ENDINGS.test(path);
+  if (isHdf5) return openRanges(path, file);
   if (file.size > MOST_BYTES) {
     throw new Error(
       `${path} has ${(file.size / 2 ** 30).toFixed(1)} GiB; pickles and Parquet files are read ` +
