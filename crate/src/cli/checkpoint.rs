@@ -7,6 +7,7 @@ use clap::Args;
 use comfy_table::presets::NOTHING;
 use serde::Serialize;
 
+use super::terminal::{say_json, say_rows};
 use super::{detector, files};
 use crate::atomic;
 use crate::checkpoint::{Checkpoint, Format, SaeConfig, Summary, Training};
@@ -135,24 +136,14 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<()> {
         plan: arguments.plan.map(plan).transpose().map_err(place)?,
     };
     if arguments.json || !std::io::stdout().is_terminal() {
-        let json = serde_json::to_string_pretty(&inspection)
-            .map_err(|e| Error::input(format!("the summary cannot be written as JSON: {e}")))?;
-        say!("{json}");
+        say_json(&inspection, "summary")
     } else {
-        print_table(&inspection)?;
+        print_table(&inspection)
     }
-    Ok(())
 }
 
 fn print_table(inspection: &Inspection) -> Result<()> {
-    let mut table = comfy_table::Table::new();
-    table.load_preset(NOTHING);
-    for (name, value) in rows(inspection) {
-        if !value.is_empty() {
-            table.add_row([name.to_owned(), value]);
-        }
-    }
-    say!("{table}");
+    say_rows(rows(inspection))?;
     let Some(plan) = &inspection.plan else {
         return Ok(());
     };
@@ -182,7 +173,6 @@ fn list(values: &[usize]) -> String {
     values.join(", ")
 }
 
-/// Names and values; a value that is empty is not shown.
 fn rows(inspection: &Inspection) -> [(&'static str, String); 12] {
     let summary = &inspection.summary;
     let config = &summary.config;

@@ -14,6 +14,7 @@ use serde::Serialize;
 use super::convert::{CommonArguments, ConvertArguments, Target, write_points};
 use super::extract::{cancel_on_interrupt, progress_bar, show};
 use super::files::is_folder_of_images;
+use super::terminal::say_json;
 use crate::atomic;
 use crate::data::{
     self, Frame, FrameSource, Join, NpzWriter, Pixels, SequenceRange, ground_truth_csv, join,
@@ -179,9 +180,7 @@ fn inspect(arguments: &InspectArguments) -> Result<()> {
     }
     let nothing_read = found.sizes.is_empty();
     if arguments.json || !std::io::stdout().is_terminal() {
-        let json = serde_json::to_string_pretty(&found)
-            .map_err(|e| Error::input(format!("the inspection cannot be written as JSON: {e}")))?;
-        say!("{json}");
+        say_json(&found, "inspection")?;
     } else {
         print_inspection(&found)?;
     }

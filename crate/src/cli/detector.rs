@@ -4,9 +4,9 @@ use std::io::IsTerminal as _;
 use std::path::Path;
 
 use clap::Args;
-use comfy_table::presets::NOTHING;
 use serde::Serialize;
 
+use super::terminal::{say_json, say_rows};
 use crate::atomic;
 use crate::detector::{
     Channels, Columns, Decoding, Graph, InputSize, Layout, Normalization, OnnxExtractor,
@@ -160,23 +160,12 @@ pub(super) fn inspect(path: &Path, bytes: &[u8], json: bool) -> Result<()> {
         graph: &graph,
     };
     if json || !std::io::stdout().is_terminal() {
-        let json = serde_json::to_string_pretty(&inspection)
-            .map_err(|e| Error::input(format!("the summary cannot be written as JSON: {e}")))?;
-        say!("{json}");
+        say_json(&inspection, "summary")
     } else {
-        let mut table = comfy_table::Table::new();
-        table.load_preset(NOTHING);
-        for (name, value) in rows(&inspection) {
-            if !value.is_empty() {
-                table.add_row([name.to_owned(), value]);
-            }
-        }
-        say!("{table}");
+        say_rows(rows(&inspection))
     }
-    Ok(())
 }
 
-/// Names and values; a value that is empty is not shown.
 fn rows(inspection: &Inspection) -> [(&'static str, String); 8] {
     let graph = inspection.graph;
     let join = |texts: Vec<String>| texts.join(", ");

@@ -10,7 +10,7 @@ use super::film::film;
 use super::hints::finding_line;
 use super::outcome;
 use super::painter::Painter;
-use super::terminal::own_command;
+use super::terminal::{own_command, say_json};
 use super::values::{parse_finite, parse_html_path};
 use crate::atomic;
 use crate::command_line;
@@ -295,10 +295,7 @@ impl ScoringArguments {
                 eprintln!("{}", finding_line(finding));
             }
         } else if self.json || !std::io::stdout().is_terminal() {
-            let json = serde_json::to_string_pretty(&report).map_err(|e| {
-                Error::input(format!("the evaluation cannot be written as JSON: {e}"))
-            })?;
-            say!("{json}");
+            say_json(&report, "evaluation")?;
         } else {
             outcome::print(&report)?;
         }

@@ -4,7 +4,8 @@ use std::fmt;
 use std::io::Write as _;
 
 use comfy_table::CellAlignment;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use comfy_table::presets::{NOTHING, UTF8_HORIZONTAL_ONLY};
+use serde::Serialize;
 
 use crate::command_line::shell_line;
 use crate::error::{Error, Result};
@@ -25,6 +26,27 @@ pub(super) fn write_line(line: fmt::Arguments<'_>) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Writes `value` as JSON; `what` names it in an error.
+pub(super) fn say_json(value: &impl Serialize, what: &str) -> Result<()> {
+    let json = serde_json::to_string_pretty(value)
+        .map_err(|e| Error::input(format!("the {what} cannot be written as JSON: {e}")))?;
+    say!("{json}");
+    Ok(())
+}
+
+/// Writes names and values, one pair a line; a value that is empty is not shown.
+pub(super) fn say_rows<const N: usize>(rows: [(&str, String); N]) -> Result<()> {
+    let mut table = comfy_table::Table::new();
+    table.load_preset(NOTHING);
+    for (name, value) in rows {
+        if !value.is_empty() {
+            table.add_row([name.to_owned(), value]);
+        }
+    }
+    say!("{table}");
+    Ok(())
 }
 
 /// A table with lines between its rows, as wide as the terminal allows.
