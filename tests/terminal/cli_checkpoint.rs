@@ -78,7 +78,7 @@ fn inspect_says_what_a_checkpoint_is() {
     // The weights that `tracklens train` wrote for the example of the page.
     let found = inspect(&data("../web/example/checkpoint.safetensors"));
     assert_eq!(found["format"], "safetensors");
-    assert_eq!(found["parameters"]["encoder"], 76_758);
+    assert_eq!(found["parameters"]["encoder"], 42_096);
     assert!(found["epoch"].is_u64() && found["training"]["learning_rate"].is_f64());
 }
 

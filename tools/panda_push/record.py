@@ -54,12 +54,14 @@ STEP = 0.05
 """How far the end effector goes in a step at most, in metres: an action of 1."""
 BEHIND = 0.08
 """From here the cube is pushed: metres from its middle."""
-PUSHED = 0.03
+PUSHED = 0.1
 """So far a push goes beyond where the cube was, in metres."""
-PUSH_SPEED = 0.5
+PUSH_SPEED = 0.7
 """The longest action of a push."""
-AWAY = (-0.3, 0.2, 0.15), (0.05, 0.4, 0.4)
+AWAY = (-0.35, 0.25, 0.05), (0.3, 0.55, 0.55)
 """Two corners of the box of places between pushes, on one side of the table, in metres."""
+NEAR_EDGE = 0.75, 0.95
+"""So far from the middle of the image, along x or y, a place between pushes is; its edge is at 1."""
 HEIGHT = 0.02
 """Of the end effector above the table while it pushes, in metres."""
 
@@ -105,10 +107,12 @@ def random_walk(environment: Environment, noise: np.random.Generator) -> Actions
 def pushes(environment: Environment, noise: np.random.Generator) -> Actions:
     """Pushes the cube to and fro, so that arm and cube move in every episode.
 
-    The end effector goes above a place beside the cube, down, through the cube towards the middle of the table, and
-    away to a place that is drawn; then again. Noise is added to every action.
+    The end effector starts at a place that is drawn at the side of the table. It goes above a place beside the cube,
+    down, through the cube towards the middle of the table, and away to another place that is drawn; then again. Noise
+    is added to every action.
     """
     space = environment.action_space
+    start_away(environment, noise)
     while True:
         cube = environment.sim.get_base_position("object")
         turn = noise.normal(scale=0.5)
@@ -118,7 +122,7 @@ def pushes(environment: Environment, noise: np.random.Generator) -> Actions:
         )
         start, end = cube - BEHIND * direction, cube + PUSHED * direction
         above = start + [0, 0, 2 * BEHIND]
-        away = noise.uniform(*AWAY) * [1, noise.choice([-1, 1]), 1]
+        away = place_away(environment.camera, noise)
         for goal, speed in ((above, 1.0), (start, 1.0), (end, PUSH_SPEED), (away, 1.0)):
             goal = np.array([*goal[:2], max(goal[2], HEIGHT)])
             for _ in range(10):
@@ -128,6 +132,26 @@ def pushes(environment: Environment, noise: np.random.Generator) -> Actions:
                 moved = np.clip(way / STEP, -speed, speed)
                 moved += noise.normal(scale=PUSH_NOISE * speed, size=space.shape)
                 yield np.clip(moved, space.low, space.high).astype(np.float32)
+
+
+def place_away(camera: Camera, noise: np.random.Generator) -> NDArray[np.float64]:
+    """Draws a place beside the table's middle, in metres, that lies near the edge of the image."""
+    nearest, farthest = NEAR_EDGE
+    while True:
+        place = noise.uniform(*AWAY) * [1, noise.choice([-1, 1]), 1]
+        if nearest < np.abs(camera.project(place[None])).max() < farthest:
+            return place
+
+
+def start_away(environment: Environment, noise: np.random.Generator) -> None:
+    """Puts the end effector to a place that is drawn, the gripper pointing down."""
+    robot = environment.robot
+    pose = robot.inverse_kinematics(
+        link=LINK_SITES["eef"],
+        position=place_away(environment.camera, noise),
+        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+    )
+    robot.set_joint_angles(pose)
 
 
 POLICIES: dict[str, Callable[[Environment, np.random.Generator], Actions]] = {
@@ -169,7 +193,7 @@ Shape = tuple[int, int, int]
 
 @contextmanager
 def png_store(folder: Path, _shape: Shape) -> Iterator[Store]:
-    """Stores frames as 8-bit PNG, one folder a sequence."""
+    """Stores frames as 8-bit PNG, one folder a sequence; with a palette where that loses nothing."""
     count = 0
 
     def store(sequence: Sequence) -> None:
@@ -177,10 +201,22 @@ def png_store(folder: Path, _shape: Shape) -> Iterator[Store]:
         target = folder / f"seq_{count:04}"
         target.mkdir()
         for index, frame in enumerate(sequence.frames):
-            Image.fromarray(eight_bit(frame)).save(target / f"frame_{index:03}.png", compress_level=6)
+            image = with_palette(eight_bit(frame))
+            image.save(target / f"frame_{index:03}.png", compress_level=6)
         count += 1
 
     yield store
+
+
+def with_palette(frame: NDArray[np.uint8]) -> Image.Image:
+    """An image of the same colours, by indices into a palette if there are 256 at most: half the bytes."""
+    red, green, blue = np.moveaxis(frame.astype(np.uint32), -1, 0)
+    colors, indices = np.unique(red << 16 | green << 8 | blue, return_inverse=True)
+    if len(colors) > 256:
+        return Image.fromarray(frame)
+    image = Image.fromarray(indices.reshape(red.shape).astype(np.uint8), "P")
+    image.putpalette(np.stack([colors >> 16, colors >> 8 & 255, colors & 255], axis=-1).astype(np.uint8).tobytes())
+    return image
 
 
 @contextmanager

@@ -76,10 +76,8 @@ class Camera:
 class FlatTargetPush(Push):
     """The push task with the target drawn as an opaque blue plate in the surface of the table."""
 
-    def __init__(self, sim: PyBullet, plate: float = 1.0, reward: str = "sparse") -> None:
-        """The plate is `plate` times as wide as the cube; the reward is `sparse` or `dense`."""
-        # The scene is made by the task's own constructor.
-        self.plate = plate
+    def __init__(self, sim: PyBullet, reward: str = "sparse") -> None:
+        """The reward is `sparse` or `dense`."""
         super().__init__(sim, reward_type=reward)
 
     def _create_scene(self) -> None:
@@ -95,7 +93,7 @@ class FlatTargetPush(Push):
         )
         self.sim.create_box(
             "target",
-            half_extents=np.array([half * self.plate, half * self.plate, half / 100]),
+            half_extents=np.array([half, half, half / 100]),
             mass=0.0,
             ghost=True,
             position=np.zeros(3),
@@ -142,18 +140,16 @@ class Environment(RobotTaskEnv):
     """panda-gym's robot, the scene above and the paper's camera, rendered on the CPU by
     TinyRenderer."""
 
-    def __init__(
-        self, size: int, plate: float = 1.0, meshes: str = "paper", task: MakeTask | None = None
-    ) -> None:
-        """Frames are size x size; the task is to push the cube onto a plate `plate` times as wide
-        as the cube, unless another one is given."""
+    def __init__(self, size: int, meshes: str = "paper", task: MakeTask | None = None) -> None:
+        """Frames are size x size; the task is to push the cube onto the plate, unless another one
+        is given."""
         self.camera = Camera()
         sim = PyBullet(render_mode="rgb_array", renderer="Tiny")
         base = np.array([-0.6, 0.0, 0.0])
         robot = ROBOTS[meshes](sim, block_gripper=True, base_position=base, control_type="ee")
         super().__init__(
             robot,
-            task(sim, robot) if task else FlatTargetPush(sim, plate),
+            task(sim, robot) if task else FlatTargetPush(sim),
             render_width=size * ANTIALIAS,
             render_height=size * ANTIALIAS,
             render_target_position=np.array(self.camera.target),

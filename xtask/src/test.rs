@@ -185,8 +185,7 @@ fn recorder_python(workspace: &Workspace) -> Result<PathBuf> {
 }
 
 /// Records two sequences, which the tests then find by their environment, and pushes. With this seed
-/// the first episode is solved at once, so that its sequence is dropped. The curriculum of the
-/// example runs through on them, in its short form.
+/// the first episode is solved at once, so that its sequence is dropped.
 fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     let folder = tempfile::tempdir().context("no folder for the recording")?;
     let recording = folder.path().join("recording");
@@ -211,18 +210,7 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
         .args(["--test=terminal", "recorder::"])
         .env("TRACKLENS_RECORDED", &recording)
         .env("TRACKLENS_PUSHES", &pushes);
-    run::run(cargo.current_dir(workspace.root()))?;
-    // The tests have built the binary.
-    let mut curriculum = run::command(python);
-    curriculum
-        .arg(recorder(workspace).join("curriculum.py"))
-        .args(["--trial", "--recording"])
-        .arg(&recording)
-        .arg("--out")
-        .arg(folder.path().join("curriculum"))
-        .arg("--tracklens")
-        .arg(workspace.binary("tracklens"));
-    run::run(&mut curriculum)
+    run::run(cargo.current_dir(workspace.root()))
 }
 
 /// Builds burn a second time, with its wgpu backend, next to the build that everything else uses.

@@ -11,7 +11,7 @@ pub use command::{
     copy_folder, eval, eval_example, example_inputs, extract_keypoints, parsed, same_keypoints,
     text, tracklens, tracklens_json,
 };
-pub use page::{Page, example, site};
+pub use page::{EXAMPLE_FRAMES, EXAMPLE_KEYPOINTS, EXAMPLE_LENGTH, Page, example, site};
 pub use server::Server;
 
 /// Makes a test of every function `async fn(Browser)`, in Chromium and in Firefox.

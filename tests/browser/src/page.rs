@@ -27,6 +27,15 @@ pub fn site() -> PathBuf {
     from_environment("TRACKLENS_SITE")
 }
 
+/// Frames of the example.
+pub const EXAMPLE_FRAMES: usize = 480;
+
+/// Frames of each of its sequences.
+pub const EXAMPLE_LENGTH: usize = 24;
+
+/// Keypoints of the example's checkpoint.
+pub const EXAMPLE_KEYPOINTS: usize = 64;
+
 /// A file or folder of the site's example.
 pub fn example(name: &str) -> PathBuf {
     site().join("example").join(name)

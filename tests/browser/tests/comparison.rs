@@ -13,7 +13,8 @@ use agent_runs::{fixture, write_agent, write_agents};
 use runs::{config, sweep, write_run};
 use serde_json::{Value, json};
 use tracklens_page_tests::{
-    Browser, Page, example, extract_keypoints, in_every_browser, text, tracklens, tracklens_json,
+    Browser, EXAMPLE_FRAMES, Page, example, extract_keypoints, in_every_browser, text, tracklens,
+    tracklens_json,
 };
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
@@ -602,7 +603,8 @@ async fn extracting_for_the_comparison_shows_progress_and_can_be_cancelled() {
     )
     .await;
     page.click(extract).await;
-    page.until("globalThis.__total === 160").await;
+    page.until(&format!("globalThis.__total === {EXAMPLE_FRAMES}"))
+        .await;
     page.until(&format!("document.querySelector('{extract}')"))
         .await;
     page.click(extract).await;

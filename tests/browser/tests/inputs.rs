@@ -797,8 +797,9 @@ const DROP_VIDEO: &str = "(async () => { \
   const source = new CanvasSource(canvas, { codec: 'vp8', bitrate: 8e6 }); \
   output.addVideoTrack(source, { frameRate: 10 }); \
   await output.start(); \
-  for (let i = 0; i < 10; i++) { \
-    const image = await fetch(`example/frames/seq_0002/frame_00${i}.png`); \
+  for (let i = 0; i < 24; i++) { \
+    const name = `frame_${String(i).padStart(3, '0')}.png`; \
+    const image = await fetch(`example/frames/seq_0002/${name}`); \
     context.drawImage(await createImageBitmap(await image.blob()), 0, 0); \
     await source.add(i / 10, 0.1); \
   } \
@@ -821,17 +822,17 @@ async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
     page.until("globalThis.__video || globalThis.__complaints.length")
         .await;
     page.value(PICK_VIDEO).await;
-    page.until("document.querySelector('#files [data-role=image]')?.dataset.frames === '10'")
+    page.until("document.querySelector('#files [data-role=image]')?.dataset.frames === '24'")
         .await;
     page.pick(&[Path::new(&truth), Path::new(&checkpoint)])
         .await;
     page.until_scored().await;
     let card = "document.querySelector('.card').dataset.frames";
-    assert_eq!(page.number(card).await, 10.0);
+    assert_eq!(page.number(card).await, 24.0);
     let matched = page
         .number("document.querySelector('#join').dataset.matched")
         .await;
-    assert_eq!(matched, 10.0);
+    assert_eq!(matched, 24.0);
     page.until("document.querySelector('#stage').dataset.picture === 'seq_0002/frame_000000'")
         .await;
     // Its frames are those it was made of, but for what packing them lost.

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use tracklens_page_tests::{
-    Browser, Page, Server, copy_folder, eval, eval_example, example, example_inputs,
-    extract_keypoints, in_every_browser, parsed, same_keypoints, site, text, tracklens_json,
+    Browser, EXAMPLE_FRAMES, EXAMPLE_KEYPOINTS, EXAMPLE_LENGTH, Page, Server, copy_folder, eval,
+    eval_example, example, example_inputs, extract_keypoints, in_every_browser, parsed,
+    same_keypoints, site, text, tracklens_json,
 };
 
 /// f32 convolutions differ in the last digits between native and WebAssembly kernels (with and
@@ -213,7 +214,7 @@ async fn photos_are_extracted_as_in_the_terminal() {
     page.until_scored().await;
     let folder = tempfile::tempdir().expect("a folder");
     let expected = extract_keypoints(&photos, &folder.path().join("kp.csv"));
-    assert_eq!(expected.lines().count(), 1 + 5 * 30);
+    assert_eq!(expected.lines().count(), 1 + 5 * EXAMPLE_KEYPOINTS);
     same_keypoints(&page.saved_keypoints().await, &expected, KEYPOINTS);
     page.close().await;
 }
@@ -235,7 +236,7 @@ async fn a_part_that_is_not_there_is_told_and_asked_for_again() {
     page.until_scored().await;
     assert_eq!(
         page.saved_keypoints().await.lines().count(),
-        1 + 5 * 30,
+        1 + 5 * EXAMPLE_KEYPOINTS,
         "no image is taken for a bad one"
     );
 }
@@ -301,10 +302,13 @@ async fn the_frames_done_can_be_scored_after_cancelling(browser: Browser) {
     page.until_scored().await;
     let frames = "document.querySelector('.card').dataset.frames";
     assert_eq!(page.number(frames).await, done);
-    page.until_text(&format!("The score is of {done} of 160 frames"))
-        .await;
+    page.until_text(&format!(
+        "The score is of {done} of {EXAMPLE_FRAMES} frames"
+    ))
+    .await;
     page.click("#extract").await;
-    page.until(&format!("{frames} === '160'")).await;
+    page.until(&format!("{frames} === '{EXAMPLE_FRAMES}'"))
+        .await;
     page.until("document.querySelector('#extraction').hidden")
         .await;
     page.close().await;
@@ -541,8 +545,8 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     fs::write(sequence.join("frame_099.png"), &bytes).expect("written");
     // The size stands in bytes 16 to 24, its checksum in bytes 29 to 33.
     for (name, side, checksum) in [
-        ("frame_004.png", 1u32, [0x90, 0x77, 0x53, 0xde]),
-        ("frame_005.png", 20_000, [0x6c, 0x12, 0xd1, 0x6e]),
+        ("frame_004.png", 1u32, [0x28, 0xcb, 0x34, 0xbb]),
+        ("frame_005.png", 20_000, [0xd4, 0xae, 0xb6, 0x0b]),
     ] {
         let mut header = bytes.clone();
         header[16..20].copy_from_slice(&side.to_be_bytes());
@@ -559,7 +563,7 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     ])
     .await;
     page.until_scored().await;
-    // 10 frames and one too many; one is cut short, two are of impossible sizes, one has no row.
+    // 24 frames and one too many; one is cut short, two are of impossible sizes, one has no row.
     assert_eq!(
         page.number("document.querySelector('#extraction').dataset.failed")
             .await,
@@ -573,7 +577,7 @@ async fn bad_frames_and_unmatched_ones_are_counted() {
     assert_eq!(
         page.number("document.querySelector('.card').dataset.frames")
             .await,
-        7.0
+        (EXAMPLE_LENGTH - 3) as f64
     );
     assert_eq!(
         page.number("document.querySelector('#join').dataset.unmatchedFrames")

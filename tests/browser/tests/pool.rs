@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Page, example, extract_keypoints};
+use tracklens_page_tests::{EXAMPLE_FRAMES, Page, example, extract_keypoints};
 
 /// Single precision with other kernels, and fused multiply-add only natively.
 const KEYPOINTS: f64 = 1e-4;
@@ -281,14 +281,14 @@ async fn with_no_worker_left_the_page_says_so_keeps_what_is_done_and_goes_on_whe
     let done = page
         .number("document.querySelector('#extraction').dataset.done")
         .await;
-    assert!((10.0..160.0).contains(&done), "{done}");
+    assert!((10.0..EXAMPLE_FRAMES as f64).contains(&done), "{done}");
     page.value("void (globalThis.__broken = false)").await;
     page.click("#extract").await;
     page.until_scored().await;
     assert_eq!(
         page.number("document.querySelector('.card').dataset.frames")
             .await,
-        160.0
+        EXAMPLE_FRAMES as f64
     );
 
     // None from the start: the checkpoint cannot be opened, the rest of the page works.

@@ -6,7 +6,7 @@ use std::fs;
 
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
-use tracklens_page_tests::{Browser, Page, in_every_browser};
+use tracklens_page_tests::{Browser, EXAMPLE_LENGTH, Page, in_every_browser};
 
 in_every_browser! {
     the_example_plays_where_most_moves_until_somebody_steps
@@ -111,21 +111,25 @@ fn liveliest(table: &str) -> String {
 
 async fn keys_move_through_frames_and_sequences(browser: Browser) {
     let page = example(browser).await;
-    // The example's sequences have ten frames each.
+    let last = EXAMPLE_LENGTH - 1;
     press(&page, "#stage", Key::Right + "").await;
     until_frame(&page, 1).await;
     press(&page, "#stage", Key::End + "").await;
-    until_frame(&page, 9).await;
+    until_frame(&page, last).await;
     press(&page, "#stage", Key::Left + "").await;
-    until_frame(&page, 8).await;
+    until_frame(&page, last - 1).await;
+    press(&page, "#stage", Key::Shift + Key::Left).await;
+    until_frame(&page, last - 11).await;
+    press(&page, "#stage", Key::Shift + Key::Left).await;
+    until_frame(&page, last - 21).await;
     press(&page, "#stage", Key::Shift + Key::Left).await;
     until_frame(&page, 0).await;
     press(&page, "#scrubber", Key::Shift + Key::Right).await;
-    until_frame(&page, 9).await;
+    until_frame(&page, 10).await;
     press(&page, "#stage", Key::Home + "").await;
     until_frame(&page, 0).await;
     press(&page, "#stage", Key::PageDown + "").await;
-    until_frame(&page, 10).await;
+    until_frame(&page, EXAMPLE_LENGTH).await;
     press(&page, "#stage", Key::PageUp + "").await;
     until_frame(&page, 0).await;
 
@@ -180,10 +184,10 @@ async fn moving_decodes_ahead_and_changes_nothing_but_the_frame(browser: Browser
         .await;
     assert_eq!(changed, 0.0);
     until_frame(&page, 2).await;
-    // The frame, and those at steps of two after it: 4, 6, 8. Firefox keeps what its driver changes
+    // The frame, and those at steps of two after it: 4, 6, 8, 10. Firefox keeps what its driver changes
     // from the page.
     if browser == Browser::Chromium {
-        page.until("document.body.dataset.decoded === '4'").await;
+        page.until("document.body.dataset.decoded === '5'").await;
     }
     let changed = page
         .number(&changes_by(
@@ -192,14 +196,14 @@ async fn moving_decodes_ahead_and_changes_nothing_but_the_frame(browser: Browser
         ))
         .await;
     assert!(changed > 0.0);
-    until_frame(&page, 10).await;
+    until_frame(&page, EXAMPLE_LENGTH).await;
     page.close().await;
 }
 
 async fn plots_seek_and_follow(browser: Browser) {
     let page = example(browser).await;
     let error = "document.querySelector('canvas[data-quantity=error]')";
-    page.until(&format!("{error}.dataset.points === '10'"))
+    page.until(&format!("{error}.dataset.points === '{EXAMPLE_LENGTH}'"))
         .await;
     let before = page.number(&format!("{error}.dataset.cursor")).await;
     let plot = page
@@ -215,12 +219,12 @@ async fn plots_seek_and_follow(browser: Browser) {
         .perform()
         .await
         .expect("a click");
-    page.until("['4', '5'].includes(document.querySelector('#stage').dataset.frame)")
+    page.until("['11', '12'].includes(document.querySelector('#stage').dataset.frame)")
         .await;
     assert!(page.number(&format!("{error}.dataset.cursor")).await > before + 50.0);
     // What is under the pointer stands in the tooltip, what is on display beside the title.
     let tooltip = "document.querySelector('.plot-tooltip:not([hidden])').textContent";
-    page.until(&format!("/frame [45].*error [0-9.e−-]+/.test({tooltip})"))
+    page.until(&format!("/frame 1[12].*error [0-9.e−-]+/.test({tooltip})"))
         .await;
     page.until("/truth −?[0-9.]+/.test(document.querySelector('.plot-readout').textContent)")
         .await;
