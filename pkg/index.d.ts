@@ -17,7 +17,7 @@
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
  * is not said to be of another part), `space` (the same, also of points in space: once it is loaded it takes the place of
  * `scoring`, whose objects mean nothing to it), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
- * ({@link Hdf5File}, {@link readPoints}, {@link mapColumns}), `parquet` ({@link readParquet}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
+ * ({@link Hdf5File}, {@link readPoints}, {@link mapColumns}), `parquet` ({@link readParquet}, {@link readVideoEpisodes}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
  * `comparison` ({@link Comparison}).
  */
 export type Part =
@@ -308,6 +308,23 @@ export function readPoints(file: Uint8Array, name: string): FormatPoints;
 /** The table in a Parquet file. Part `parquet`. */
 export function readParquet(file: Uint8Array, name: string): FormatPoints;
 
+/** The frames of a video that are one episode. */
+export interface VideoEpisode {
+  /** The sequence, as {@link readParquet} calls it in the data. */
+  sequence: string;
+  /** The folder below `videos/`. */
+  camera: string;
+  /** The video in that folder, without its ending. */
+  video: string;
+  /** When its first frame is shown, in seconds of the video. */
+  start: number;
+  /** How many frames it has. */
+  frames: number;
+}
+
+/** The episodes in the videos of LeRobot's data, as a table below `meta/episodes/` lists them. Part `parquet`. */
+export function readVideoEpisodes(file: Uint8Array, name: string): VideoEpisode[];
+
 /** Whether it is the beginning of a Parquet file. Needs no part. */
 export function needsParquet(file: Uint8Array): boolean;
 
@@ -316,8 +333,13 @@ export function needsParquet(file: Uint8Array): boolean;
  */
 export class Hdf5File {
   private constructor();
-  /** Opens a file of `size` bytes; `read` gives the `length` bytes from `start` on. */
-  static open(read: (start: number, length: number) => Uint8Array, size: number, name: string): Hdf5File;
+  /**
+   * Opens a file of `size` bytes; `read` gives the `length` bytes from `start` on. `camera` names the array of frames, where there
+   * are several.
+   */
+  static open(read: (start: number, length: number) => Uint8Array, size: number, name: string, camera?: string): Hdf5File;
+  /** The cameras that have frames, where one has to be chosen. */
+  readonly cameras: string[];
   /** The points, as {@link readPoints} gives them; `null` where there are frames and no points. */
   points(): FormatPoints | null;
   /** Why the frames cannot be used; empty where they can, and where there are none. */

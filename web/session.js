@@ -427,6 +427,21 @@ export class Session extends EventTarget {
     return this.#change(async () => this.library.dropContainer(container));
   }
 
+  /**
+   * Shows the frames of another camera of a recording.
+   * @param {Container} container
+   * @param {string} name
+   */
+  chooseCamera(container, name) {
+    return this.#change(async (alive) => {
+      const found = await container.cameras?.open(name);
+      if (!found) return;
+      if (!alive()) return giveBack(found);
+      this.library.dropContainer(container);
+      this.library.take(found);
+    });
+  }
+
   /** Back to the state of a fresh page. */
   clear() {
     this.#generation++;
@@ -585,11 +600,7 @@ export class Session extends EventTarget {
       sources,
       (done, total) => alive() && this.#read("Reading", done, total),
     );
-    if (!alive()) {
-      for (const { arrays } of found.entries) arrays?.free();
-      for (const container of found.containers) container.close();
-      return;
-    }
+    if (!alive()) return giveBack(found);
     this.reading = null;
     await this.#takeReplay(found);
     const isUseless = isNothing(found);
@@ -1088,6 +1099,15 @@ export class Session extends EventTarget {
   emit(topic) {
     this.dispatchEvent(new Event(topic));
   }
+}
+
+/**
+ * Gives back what files hold that are not taken.
+ * @param {Found} found
+ */
+function giveBack({ entries, containers }) {
+  for (const { arrays } of entries) arrays?.free();
+  for (const container of containers) container.close();
 }
 
 /**

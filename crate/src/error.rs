@@ -85,8 +85,8 @@ pub enum Reason {
     NoPoints,
     /// A recording holds the frames of several cameras. With the name of one, it can be read.
     SeveralCameras {
-        /// The name of the first one.
-        first: String,
+        /// Their names.
+        names: Vec<String>,
     },
     /// The model of a detector leaves settings open; with them, the same file can be run.
     DetectorSettings {

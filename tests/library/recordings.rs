@@ -74,8 +74,9 @@ fn one_of_several_cameras_has_to_be_chosen() {
     ] {
         assert!(message.contains(part), "{message}");
     }
-    let first = "agentview_image".to_owned();
-    assert_eq!(error.reason(), Some(&Reason::SeveralCameras { first }));
+    let names = ["agentview_image", "robot0_eye_in_hand_image"].map(str::to_owned);
+    let names = names.to_vec();
+    assert_eq!(error.reason(), Some(&Reason::SeveralCameras { names }));
     for (camera, name) in ["agentview_image", "robot0_eye_in_hand_image"]
         .into_iter()
         .enumerate()
@@ -296,7 +297,7 @@ fn every_packing_of_zarr_notices_a_chunk_that_is_cut() {
 
 #[cfg(feature = "parquet")]
 mod parquet {
-    use tracklens::data::export_parquet;
+    use tracklens::data::{export_parquet, read_video_episodes};
 
     use super::public;
 
@@ -348,6 +349,31 @@ mod parquet {
         );
         let last = robot.lines().last().expect("a row");
         assert!(last.ends_with(",episode_000002,7,True"), "{last}");
+    }
+
+    #[test]
+    fn episodes_are_found_in_the_videos_of_every_camera() {
+        let bytes = public("../lerobot/meta/episodes/chunk-000/file-000.parquet");
+        let episodes = read_video_episodes(bytes).expect("episodes");
+        let found: Vec<_> = episodes
+            .iter()
+            .map(|e| (e.sequence.as_str(), e.camera.as_str(), e.start, e.frames))
+            .collect();
+        let [top, wrist] = ["observation.images.top", "observation.images.wrist"];
+        let expected = [
+            ("episode_000000", top, 0.0, 12),
+            ("episode_000000", wrist, 0.0, 12),
+            ("episode_000001", top, 1.2, 20),
+            ("episode_000001", wrist, 1.2, 20),
+            ("episode_000002", top, 3.2, 8),
+            ("episode_000002", wrist, 3.2, 8),
+        ];
+        assert_eq!(found, expected);
+        assert!(episodes.iter().all(|e| e.video == "chunk-000/file-000"));
+
+        // The data of such a recording are another table.
+        let error = read_video_episodes(public("lerobot.parquet")).expect_err("no episodes");
+        assert!(error.to_string().contains("no column `length`"), "{error}");
     }
 
     #[test]

@@ -636,6 +636,27 @@ def lerobot(name_of_points, points, **given):
     )
 
 
+def lerobot_episodes():
+    """The table of the episodes, as LeRobot's meta/episodes/chunk-000/file-000.parquet: two cameras, one video each."""
+    columns = {
+        "episode_index": list(range(len(EPISODES))),
+        "tasks": [["push"] for _ in EPISODES],
+        "length": [len(of) for of in EPISODES],
+        "stats/action/mean": [[0.0, 0.0] for _ in EPISODES],
+    }
+    for camera in ["observation.images.top", "observation.images.wrist"]:
+        columns[f"videos/{camera}/chunk_index"] = [0 for _ in EPISODES]
+        columns[f"videos/{camera}/file_index"] = [0 for _ in EPISODES]
+        columns[f"videos/{camera}/from_timestamp"] = [of[0] / 10 for of in EPISODES]
+        columns[f"videos/{camera}/to_timestamp"] = [(of[-1] + 1) / 10 for of in EPISODES]
+    return parquet(pa.table(columns))
+
+
+# Beside the files: what the page needs to find the episodes in a video.
+episodes_of = HERE / "lerobot/meta/episodes/chunk-000/file-000.parquet"
+episodes_of.parent.mkdir(parents=True, exist_ok=True)
+episodes_of.write_bytes(lerobot_episodes())
+
 environment = "observation.environment_state"
 of_columns = [f"{name}_{axis}={environment}_{2 * p + a}" for p, name in enumerate(NAMES) for a, axis in enumerate("xy")]
 lerobot_noted = {"notes": ["read as LeRobot's data"], "beside": "keypoints-episodes.csv", "points": single}

@@ -11,7 +11,7 @@ use tracklens::data::{
     ArchiveIndex, Frame, FrameSource as _, Hdf5Points, NpyArray, Recording, Space, TableOptions,
     ZIP_MAGIC, ZarrStore, ZipStore, export_parquet, export_pickle, ground_truth_of_arrays,
     keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
-    parse_npz_keypoints, read_zarr_ground_truth,
+    parse_npz_keypoints, read_video_episodes, read_zarr_ground_truth,
 };
 use tracklens::detector::{Graph, Plan, Settings};
 use tracklens::evaluation::EvaluationReport;
@@ -130,8 +130,9 @@ fn pickled_points(bytes: &[u8]) {
     }
 }
 
-/// Tables in Parquet files.
+/// Tables in Parquet files, and the episodes of LeRobot's videos.
 fn parquet(bytes: &[u8]) {
+    let _ = black_box(read_video_episodes(bytes.to_vec()));
     if let Ok(table) = export_parquet(bytes.to_vec()) {
         let _ = black_box(table.ground_truth("table.parquet", &with_size()));
     }

@@ -3,6 +3,7 @@
 
 import { classify } from "../pkg/index.js";
 import { count } from "../ui/format.js";
+import { openDataset, splitDatasets } from "./containers/lerobot.js";
 import { openRecording } from "./containers/npz.js";
 import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
@@ -23,7 +24,11 @@ import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
  * @property {string} contents in words
  * @property {string} error why it cannot be used at all; empty once the user has dismissed it
  * @property {string[]} problems what of it cannot be used
+ * @property {Cameras} [cameras] where there are several
  * @property {() => void} close gives back what reading from it holds
+ *
+ * The cameras of a recording, of which one is shown; `open` opens the recording with another.
+ * @typedef {{ names: string[], shown: string, open: (name: string) => Promise<Found> }} Cameras
  *
  * @typedef {{ images: Source[], entries: Entry[], containers: Container[], runs: Map<string,
  * import("./runs.js").RunFolder>, settings: Map<string, import("./model-settings.js").Settings> }}
@@ -57,7 +62,8 @@ const NOTHING_FOUND = {
  * @returns {Promise<Found>}
  */
 export async function identify(sources, onProgress, depth = 0) {
-  const { runs, rest } = splitRuns(sources);
+  const { runs, rest: withoutRuns } = splitRuns(sources);
+  const { datasets, rest } = splitDatasets(withoutRuns);
   /** @type {Found} */
   const found = { images: [], entries: [], containers: [], runs, settings: new Map() };
   const others = [];
@@ -66,12 +72,17 @@ export async function identify(sources, onProgress, depth = 0) {
     if (classify(source.path, NOTHING).role === "image") found.images.push(source);
     else others.push(source);
   }
-  let done = sources.length - others.length;
+  let done = found.images.length + (sources.length - withoutRuns.length);
   const parts = await mapBounded(others, READERS, async (source) => {
     const part = await open(source, depth);
     onProgress(++done, sources.length);
     return part;
   });
+  for (const dataset of datasets) {
+    parts.push(await inDataset(dataset));
+    done += dataset.files.length;
+    onProgress(done, sources.length);
+  }
   for (const { images, entries, containers, runs, settings } of parts) {
     for (const image of images) found.images.push(image);
     found.entries.push(...entries);
@@ -174,18 +185,22 @@ async function inArchive(archive, depth) {
 /**
  * @param {Source} recording
  * @param {string} reason
+ * @param {string} [camera] of several the one whose frames are wanted, instead of the first
  * @returns {Promise<Found>}
  */
-async function inRecording(recording, reason) {
+async function inRecording(recording, reason, camera) {
   const container = containerOf("recording", recording.path);
   const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
   try {
-    const opened = await openRecording(recording);
+    const opened = await openRecording(recording, camera);
     if (!("arrays" in opened))
       return only(tableEntry(recording.path, opened, { ...taken, reason }));
-    const { frames, arrays, table, error, close } = opened;
+    const { frames, arrays, table, error, cameras, close } = opened;
     if (close) container.close = close;
     container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
+    container.cameras = camerasOf(cameras ?? [], camera, (name) =>
+      inRecording(recording, reason, name),
+    );
     if (error) container.problems.push(error);
     const entries = [];
     if (table) {
@@ -202,6 +217,16 @@ async function inRecording(recording, reason) {
     container.error = readError(error, recording.path);
     return { ...NOTHING_FOUND, containers: [container] };
   }
+}
+
+/**
+ * @param {string[]} names
+ * @param {string | undefined} chosen
+ * @param {Cameras["open"]} open
+ * @returns {Cameras | undefined}
+ */
+function camerasOf(names, chosen, open) {
+  return names.length > 1 ? { names, shown: chosen ?? names[0], open } : undefined;
 }
 
 /**
@@ -224,11 +249,29 @@ function tableEntry(path, { table, space, notices }, { role, by, reason }) {
 async function inVideo(video) {
   const container = containerOf("video", video.path, folderOf(video.path));
   try {
-    const { frames, contents, close } = await openVideo(video);
-    Object.assign(container, { contents, close });
+    const { frames, codec, close } = await openVideo(video);
+    Object.assign(container, { contents: `${count(frames.length, "frame")}, ${codec}`, close });
     return { ...NOTHING_FOUND, images: frames, containers: [container] };
   } catch (error) {
     container.error = readError(error, video.path);
+    return { ...NOTHING_FOUND, containers: [container] };
+  }
+}
+
+/**
+ * @param {import("./containers/lerobot.js").Dataset} dataset
+ * @param {string} [camera] of several the one whose frames are wanted, instead of the first
+ * @returns {Promise<Found>}
+ */
+async function inDataset(dataset, camera) {
+  const container = containerOf("video", dataset.folder);
+  try {
+    const { frames, cameras, contents, problems, close } = await openDataset(dataset, camera);
+    Object.assign(container, { contents, problems, close });
+    container.cameras = camerasOf(cameras, camera, (name) => inDataset(dataset, name));
+    return { ...NOTHING_FOUND, images: frames, containers: [container] };
+  } catch (error) {
+    container.error = readError(error, dataset.folder);
     return { ...NOTHING_FOUND, containers: [container] };
   }
 }

@@ -151,7 +151,7 @@ function sequenceRow(session, sequence) {
  * @param {Container} container
  */
 function containerItem(session, container) {
-  const { path, kind, contents, error, problems } = container;
+  const { path, kind, contents, cameras, error, problems } = container;
   const title = CONTAINERS[kind];
   const data = { state: error ? "broken" : "used", path };
   const remove = removeButton(
@@ -166,9 +166,35 @@ function containerItem(session, container) {
     h("p", { class: "file-role" }, error ? `${title}, cannot be used` : title),
     h("p", { class: "file-name", title: path }, baseName(path)),
     contents && h("p", { class: "file-reason" }, contents),
+    cameras && cameraField(session, container, cameras),
     problems.length > 0 && noticeList([...problems.slice(0, LISTED_PROBLEMS), ...more]),
     error && notice("error", error, { isQuiet: true }),
   ]);
+}
+
+/**
+ * @param {Session} session
+ * @param {Container} container
+ * @param {import("./intake.js").Cameras} cameras
+ */
+function cameraField(session, container, { names, shown }) {
+  return h(
+    "label",
+    { class: "choice" },
+    h("span", {}, "Camera"),
+    h(
+      "select",
+      {
+        name: "camera",
+        onchange: (/** @type {Event} */ { target }) =>
+          void session.chooseCamera(
+            container,
+            /** @type {HTMLSelectElement} */ (target).value,
+          ),
+      },
+      ...names.map((name) => h("option", { value: name, selected: name === shown }, name)),
+    ),
+  );
 }
 
 /** @param {string[]} texts */

@@ -22,7 +22,8 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
              and Zarr, e.g. \
              eef=obs/robot0_eef_pos,cube=obs/object[0:3]"
         }
-        Reason::SeveralCameras { first } => {
+        Reason::SeveralCameras { names } => {
+            let first = names.first()?;
             return Some(Cow::Owned(format!("choose one with --array {first}")));
         }
         Reason::NonFinite { .. } => "--non-finite exclude-frame leaves such frames out",

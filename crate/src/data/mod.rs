@@ -37,7 +37,7 @@ mod tap_vid;
 mod zarr;
 
 #[cfg(feature = "parquet")]
-pub use self::parquet::{PARQUET_MAGIC, export_parquet};
+pub use self::parquet::{PARQUET_MAGIC, VideoEpisode, export_parquet, read_video_episodes};
 #[cfg(feature = "zarr")]
 pub use self::zarr::{
     ZarrStore, ZipStore, describes_zarr, read_zarr_ground_truth, read_zarr_keypoints,

@@ -187,9 +187,7 @@ fn camera(places: &[Within], array: Option<&str>) -> Result<(String, ArrayInfo)>
                     "there are frames of several cameras: {}; expected one of them to be chosen",
                     listed(&names)
                 ))
-                .because(Reason::SeveralCameras {
-                    first: names[0].clone(),
-                }));
+                .because(Reason::SeveralCameras { names }));
             }
         }
     }

@@ -113,10 +113,12 @@ pub struct Hdf5File {
 
 #[wasm_bindgen]
 impl Hdf5File {
-    /// Opens a file of `size` bytes; `read(start, length)` gives some of them.
-    pub fn open(read: Function, size: f64, name: String) -> Hdf5File {
+    /// Opens a file of `size` bytes; `read(start, length)` gives some of them. `camera` names the
+    /// array of frames, where there are several.
+    pub fn open(read: Function, size: f64, name: String, camera: Option<String>) -> Hdf5File {
         let file = Arc::new(Slices::new(read, size as u64));
-        let recording = Recording::from_hdf5_ranges(file.clone(), None, &TableOptions::default());
+        let options = TableOptions::default();
+        let recording = Recording::from_hdf5_ranges(file.clone(), camera.as_deref(), &options);
         Self {
             name,
             file,
@@ -133,6 +135,16 @@ impl Hdf5File {
             (Ok(points), _) => points_to_js(&points),
             (Err(_), Ok(_)) => Ok(JsValue::NULL),
             (Err(error), Err(_)) => Err(js_error(&error.at(&self.name))),
+        }
+    }
+
+    /// The cameras that have frames, where one has to be chosen.
+    #[wasm_bindgen(getter)]
+    pub fn cameras(&self) -> Vec<String> {
+        let error = self.recording.as_ref().err();
+        match error.and_then(Error::reason) {
+            Some(Reason::SeveralCameras { names }) => names.clone(),
+            _ => Vec::new(),
         }
     }
 

@@ -446,7 +446,10 @@ async fn two_keypoint_tables_are_compared_by_their_errors() {
             let (number, mark) = cell.split_once(' ').unwrap_or((cell, ""));
             let error = object["error"].as_f64().expect("a number");
             let found: f64 = number.parse().expect("a number");
-            assert!((found - error).abs() <= 0.005 * error, "{found} {error}");
+            assert!(
+                (found - error).abs() <= 0.5e-4 + f64::EPSILON,
+                "{found} {error}"
+            );
             assert_eq!(mark.starts_with('✓'), object["tracked"] == true, "{row:?}");
         }
     }
@@ -522,9 +525,9 @@ async fn several_keypoint_tables_are_runs_of_one_comparison() {
         {
             let error = object["error"].as_f64().expect("a number");
             let found: f64 = row[6 + k].parse().expect("a number");
-            // Three digits are shown.
+            // Four decimals are shown.
             assert!(
-                (found - error).abs() <= 0.005 * error,
+                (found - error).abs() <= 0.5e-4 + f64::EPSILON,
                 "{name}: {found} {error}"
             );
         }

@@ -1,14 +1,22 @@
 //! Files of other programs on the page, against the `tracklens` command on the same files.
 
+use std::fmt::Write as _;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Browser, Page, in_every_browser, text, tracklens_json};
+use thirtyfour::{By, Key};
+use tracklens_page_tests::{Browser, Page, copy_folder, in_every_browser, text, tracklens_json};
 
 in_every_browser! {
     tables_of_other_programs_are_scored_as_in_the_terminal
     frames_of_an_hdf5_file_are_read_by_slices
+    one_of_several_cameras_of_a_file_is_chosen
+    episodes_in_a_video_of_lerobot_are_sequences
 }
+
+/// Frames of the episodes in `tests/public/lerobot`.
+const EPISODES: [usize; 3] = [12, 20, 8];
 
 /// Relative: the same arithmetic in WebAssembly.
 const TABLES: f64 = 1e-12;
@@ -107,6 +115,152 @@ async fn frames_of_an_hdf5_file_are_read_by_slices(browser: Browser) {
     page.click("#files [data-role=recording] .icon-button")
         .await;
     page.until("document.querySelector('#files [data-role=image]') === null")
+        .await;
+    page.close().await;
+}
+
+/// Shows the frames of another camera of a recording.
+async fn choose_camera(page: &Page, name: &str) {
+    page.value(&format!(
+        "(() => {{ const field = document.querySelector('select[name=camera]'); field.value = '{name}'; \
+         field.dispatchEvent(new Event('change')); }})()"
+    ))
+    .await;
+}
+
+async fn one_of_several_cameras_of_a_file_is_chosen(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let frames = tests("public/files/robomimic-two-cameras.hdf5");
+    let checkpoint = tests("golden/basic-vel-std-bg-tiny.safetensors");
+    page.pick(&[&frames, &checkpoint]).await;
+    let [file, weights] = [&frames, &checkpoint].map(|path| text(path));
+    for camera in ["agentview_image", "robot0_eye_in_hand_image"] {
+        if camera != "agentview_image" {
+            choose_camera(&page, camera).await;
+        }
+        page.until(&format!(
+            "document.querySelector('select[name=camera]').value === '{camera}'"
+        ))
+        .await;
+        let expected = tracklens_json(&[
+            "eval",
+            "--checkpoint",
+            &weights,
+            "--frames",
+            &file,
+            "--array",
+            camera,
+        ]);
+        shows(&page, &expected, EXTRACTED).await;
+    }
+    page.close().await;
+}
+
+/// A video of as many frames as the data have, each grey by its number, as numbers of its bytes.
+const VIDEO: &str = "(async () => { \
+  const { BufferTarget, CanvasSource, Mp4OutputFormat, Output } = await import('./vendor/mediabunny.js'); \
+  const target = new BufferTarget(); \
+  const output = new Output({ format: new Mp4OutputFormat(), target }); \
+  const canvas = new OffscreenCanvas(64, 64); \
+  const context = canvas.getContext('2d'); \
+  const source = new CanvasSource(canvas, { codec: 'vp9', bitrate: 1e6 }); \
+  output.addVideoTrack(source, { frameRate: 10 }); \
+  await output.start(); \
+  for (let i = 0; i < 40; i++) { \
+    context.fillStyle = `rgb(${5 * i}, ${5 * i}, ${5 * i})`; \
+    context.fillRect(0, 0, 64, 64); \
+    await source.add(i / 10, 0.1); \
+  } \
+  await output.finalize(); \
+  return new Uint8Array(target.buffer).join(' '); })()";
+
+/// Two cameras and three episodes in one video each, as LeRobot keeps them.
+async fn episodes_in_a_video_of_lerobot_are_sequences(browser: Browser) {
+    let maker = Page::open().await;
+    let bytes = maker.value(VIDEO).await;
+    let bytes = bytes.as_str().expect("a video").split(' ');
+    let video: Vec<u8> = bytes.map(|byte| byte.parse().expect("a byte")).collect();
+    maker.close().await;
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("pushes");
+    copy_folder(&tests("public/lerobot"), &data);
+    let mut videos = Vec::new();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        let place = data.join("videos").join(camera).join("chunk-000");
+        fs::create_dir_all(&place).expect("a folder");
+        videos.push(place.join("file-000.mp4"));
+        fs::write(place.join("file-000.mp4"), &video).expect("written");
+    }
+    fs::write(
+        data.join("meta/info.json"),
+        "{\"codebase_version\": \"v3.0\"}",
+    )
+    .expect("written");
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    for (episode, length) in EPISODES.into_iter().enumerate() {
+        for frame in 0..length {
+            let (x, y) = (0.7 * (episode * 13 + frame) as f64).sin_cos();
+            writeln!(truth, "episode_{episode:06},{frame},cube,{x},{y}").expect("a string");
+        }
+    }
+    fs::write(folder.path().join("truth.csv"), truth).expect("written");
+
+    let page = Page::open_in(browser).await;
+    page.pick_folder(&data).await;
+    page.pick(&[
+        &folder.path().join("truth.csv"),
+        &tests("golden/basic-vel-std-bg-tiny.safetensors"),
+    ])
+    .await;
+    page.until_scored().await;
+    let total: usize = EPISODES.iter().sum();
+    let matched = "document.querySelector('#join').dataset.matched";
+    assert_eq!(page.number(matched).await, total as f64);
+    page.until_text("3 episodes, 40 frames of observation.images.top, vp9")
+        .await;
+    // Every episode begins with its own frame of the video.
+    page.hold().await;
+    let stage = page.driver.find(By::Css("#stage")).await.expect("a stage");
+    let mut start = 0;
+    for (episode, length) in EPISODES.into_iter().enumerate() {
+        page.until(&format!(
+            "document.querySelector('#stage').dataset.picture?.endsWith('episode_{episode:06}/frame_000000')"
+        ))
+        .await;
+        let grey =
+            "document.querySelector('#stage').getContext('2d').getImageData(2, 2, 1, 1).data[0]";
+        let grey = page.number(grey).await;
+        // A video holds colours to a few steps.
+        assert!(
+            (grey - 5.0 * start as f64).abs() <= 4.0,
+            "{episode}: {grey}"
+        );
+        start += length;
+        stage.send_keys("" + Key::PageDown).await.expect("a key");
+    }
+
+    choose_camera(&page, "observation.images.wrist").await;
+    page.until_text("3 episodes, 40 frames of observation.images.wrist, vp9")
+        .await;
+    page.until_scored().await;
+
+    // One video less: the other camera is shown, and there is nothing to choose.
+    page.click("#start-over").await;
+    fs::remove_file(&videos[0]).expect("removed");
+    page.pick_folder(&data).await;
+    page.until_text("3 episodes, 40 frames of observation.images.wrist")
+        .await;
+    assert_eq!(
+        page.value("document.querySelector('select[name=camera]')")
+            .await,
+        Value::Null
+    );
+    page.click("#start-over").await;
+    fs::remove_file(&videos[1]).expect("removed");
+    fs::write(data.join("videos/notes.txt"), "gone").expect("written");
+    page.pick_folder(&data).await;
+    page.until_text("none of the videos that the episodes lie in is in pushes/videos")
         .await;
     page.close().await;
 }

@@ -246,12 +246,31 @@ async fn held_out_folds_and_intervals_equal_the_commands() {
             close(&ours[end], &theirs[end], 1e-5, "interval");
         }
     }
-    close(
-        &ours["context"]["regression"][3]["error"],
-        &result["context"]["regression"][3]["error"],
-        1e-3,
-        "regression on held-out frames",
-    );
+    // The regression on 128 coordinates that are nearly collinear magnifies those digits, so that it
+    // is compared on the page's own keypoints.
+    let folder = tempfile::tempdir().expect("a folder");
+    let keypoints = folder.path().join("kp.csv");
+    fs::write(&keypoints, page.saved_keypoints().await).expect("written");
+    let of_page = tracklens_json(&[
+        "score",
+        "--keypoints",
+        &text(&keypoints),
+        "--truth",
+        &text(&example("ground_truth.csv")),
+        "--context",
+    ]);
+    for row in 0..of_page["context"]["regression"]
+        .as_array()
+        .expect("rows")
+        .len()
+    {
+        close(
+            &ours["context"]["regression"][row]["error"],
+            &of_page["context"]["regression"][row]["error"],
+            1e-6,
+            "regression on held-out frames",
+        );
+    }
     assert_eq!(
         ours["sequences"][1]["errors"][0]["sequence"],
         result["sequences"][1]["errors"][0]["sequence"]

@@ -222,9 +222,9 @@ async fn several_saved_evaluations_are_compared() {
         {
             let error = object["error"].as_f64().expect("a number");
             let found: f64 = row[6 + k].parse().expect("a number");
-            // Three digits are shown.
+            // Four decimals are shown.
             assert!(
-                (found - error).abs() <= 0.005 * error,
+                (found - error).abs() <= 0.5e-4 + f64::EPSILON,
                 "{name}: {found} {error}"
             );
         }

@@ -39,11 +39,12 @@ export function isForeign(path, head) {
  * @param {string} path
  * @param {Blob} file
  * @param {Uint8Array} head its first bytes
+ * @param {string} [camera] of several the one whose frames are wanted, instead of the first
  * @returns {Promise<Table | Recording>}
  */
-export async function openForeign(path, file, head) {
+export async function openForeign(path, file, head, camera) {
   const isHdf5 = needsFormats(head) ? head[0] === HDF5 : HDF5_ENDINGS.test(path);
-  if (isHdf5) return openRanges(path, file);
+  if (isHdf5) return openRanges(path, file, camera);
   if (file.size > MOST_BYTES) {
     throw new Error(
       `${path} has ${(file.size / 2 ** 30).toFixed(1)} GiB; pickles and Parquet files are read ` +
@@ -60,12 +61,13 @@ export async function openForeign(path, file, head) {
 /**
  * @param {string} path
  * @param {Blob} file an HDF5 file
+ * @param {string} [camera]
  * @returns {Promise<Table | Recording>}
  */
-async function openRanges(path, file) {
-  const { frames, points, problem, close } = await openHdf5(path, file);
+async function openRanges(path, file, camera) {
+  const { frames, points, cameras, problem, close } = await openHdf5(path, file, camera);
   if (points?.table && frames.length === 0) return tableOf(points);
-  const recording = { ...recordingOf(path, points), frames, close };
+  const recording = { ...recordingOf(path, points), frames, cameras, close };
   const error = problem && `${path}: ${problem}`;
   return { ...recording, error, ...(points?.table ? { table: tableOf(points) } : {}) };
 }
@@ -91,10 +93,11 @@ function tableOf({ table, space, notices }) {
 }
 
 /**
- * @param {string} path
+ * Waits for a part of the package.
+ * @param {string} path of the file that needs it
  * @param {import("../../pkg/index.js").Part} part
  */
-async function load(path, part) {
+export async function load(path, part) {
   await init([part]).catch((error) => {
     throw new Error(
       `${path} needs a part of the page that is not there: ${readError(error, path)}`,

@@ -9,12 +9,15 @@ import init, { Hdf5File } from "../../pkg/index.js";
 /**
  * @typedef {import("../../pkg/index.js").FormatPoints} FormatPoints
  *
- * What is asked of the file; each request has an answer of the same number.
- * @typedef {{ number: number } & ({ type: "open", module: WebAssembly.Module, path: string, blob:
- * Blob } | { type: "frame", frame: number })} Request
+ * What is asked of the file; each request has an answer of the same number. Of several cameras the
+ * one asked for is opened, or else the first.
+ * @typedef {{ module: WebAssembly.Module, path: string, blob: Blob, camera?: string }} File
+ * @typedef {{ number: number } & (({ type: "open" } & File) | { type: "frame", frame: number })}
+ * Request
  *
- * `problem`: why the frames cannot be used.
- * @typedef {{ paths: string[], points: FormatPoints | null, problem: string }} Opened
+ * `cameras`: all of them, where there are several. `problem`: why the frames cannot be used.
+ * @typedef {{ paths: string[], points: FormatPoints | null, cameras: string[], problem: string }}
+ * Opened
  * @typedef {{ number: number } & ({ opened: Opened } | { frame: Uint8Array<ArrayBuffer> } | { error:
  * string })} Reply
  */
@@ -47,15 +50,20 @@ async function answer(request) {
 }
 
 /**
- * @param {{ module: WebAssembly.Module, path: string, blob: Blob }} request
+ * @param {File} request
  * @returns {Promise<Opened>}
  */
-async function open({ module, path, blob }) {
+async function open({ module, path, blob, camera }) {
   await init({ formats: module });
   // Only workers have it, and so the types of a page do not.
   const reader = new (Reflect.get(globalThis, "FileReaderSync"))();
   const read = (/** @type {number} */ start, /** @type {number} */ length) =>
     new Uint8Array(reader.readAsArrayBuffer(blob.slice(start, start + length)));
   file = Hdf5File.open(read, blob.size, path);
-  return { paths: file.paths, points: file.points(), problem: file.problem };
+  const { cameras } = file;
+  if (cameras.length > 0) {
+    file.free();
+    file = Hdf5File.open(read, blob.size, path, camera ?? cameras[0]);
+  }
+  return { paths: file.paths, points: file.points(), cameras, problem: file.problem };
 }

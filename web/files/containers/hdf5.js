@@ -8,7 +8,7 @@ import { NPY_TYPE } from "./npy.js";
  * @typedef {import("../sources.js").Source} Source
  * @typedef {import("./hdf5-worker.js").Opened} Opened
  * @typedef {import("./hdf5-worker.js").Reply} Reply
- * @typedef {{ type: "open", module: WebAssembly.Module, path: string, blob: Blob }
+ * @typedef {({ type: "open" } & import("./hdf5-worker.js").File)
  *   | { type: "frame", frame: number }} Asked
  */
 
@@ -19,10 +19,11 @@ let part;
  * Opens a file; `close` ends its worker.
  * @param {string} path
  * @param {Blob} blob
- * @returns {Promise<{ frames: Source[], points: Opened["points"], problem: string, close: () =>
- * void }>}
+ * @param {string} [camera] of several the one whose frames are wanted, instead of the first
+ * @returns {Promise<{ frames: Source[], points: Opened["points"], cameras: string[], problem:
+ * string, close: () => void }>}
  */
-export async function openHdf5(path, blob) {
+export async function openHdf5(path, blob, camera) {
   part ??= compile("formats");
   const module = await part.catch((error) => {
     part = undefined;
@@ -30,15 +31,15 @@ export async function openHdf5(path, blob) {
   });
   const file = new SlicedFile();
   try {
-    const reply = await file.ask({ type: "open", module, path, blob });
+    const reply = await file.ask({ type: "open", module, path, blob, camera });
     if (!("opened" in reply)) throw new Error("the worker did not open the file");
-    const { paths, points, problem } = reply.opened;
+    const { paths, points, cameras, problem } = reply.opened;
     const frames = paths.map((frame, i) => ({
       path: `${path}/${frame}`,
       read: () => file.frame(i),
     }));
     if (frames.length === 0) file.close();
-    return { frames, points, problem, close: () => file.close() };
+    return { frames, points, cameras, problem, close: () => file.close() };
   } catch (error) {
     file.close();
     throw error;

@@ -13,10 +13,10 @@ import { entriesOf, unpack } from "./zip.js";
  * @typedef {import("../../pkg/index.js").TableOptions} TableOptions
  *
  * The frames of a recording, and its arrays, whose points are read from them, or a table of points
- * in their place; `error` says why there are no frames though there is an array of them, `close`
- * gives back what reading frames holds.
- * @typedef {{ frames: Source[], arrays: Arrays, table?: Table, error: string, close?: () => void }}
- * Recording
+ * in their place; `error` says why there are no frames though there is an array of them, `cameras`
+ * are all of them, where there are several, `close` gives back what reading frames holds.
+ * @typedef {{ frames: Source[], arrays: Arrays, table?: Table, error: string, cameras?: string[],
+ * close?: () => void }} Recording
  *
  * A table that a file was turned into, the unit of its positions where it does not say it, and what
  * is told of how it was made.
@@ -28,13 +28,14 @@ const HEAD_BYTES = 8;
 
 /**
  * @param {Source} recording
+ * @param {string} [camera] of several the one whose frames are wanted, instead of the first
  * @returns {Promise<Recording | Table>}
  */
-export async function openRecording(recording) {
+export async function openRecording(recording, camera) {
   const { path } = recording;
   const file = await blobOf(recording);
   const head = new Uint8Array(await file.slice(0, HEAD_BYTES).arrayBuffer());
-  if (isForeign(path, head)) return openForeign(path, file, head);
+  if (isForeign(path, head)) return openForeign(path, file, head, camera);
   if (isArray(head)) {
     const arrays = new Arrays(path);
     arrays.add("keypoints", new Uint8Array(await file.arrayBuffer()), file.size);

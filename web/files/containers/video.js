@@ -5,12 +5,19 @@
  */
 
 import { messageOf } from "../../errors.js";
-import { count } from "../../ui/format.js";
 import { blobOf } from "../sources.js";
 import { mediabunny } from "./mediabunny.js";
 import { arrayOfPixels } from "./npy.js";
 
-/** @typedef {import("../sources.js").Source} Source */
+/**
+ * @typedef {import("../sources.js").Source} Source
+ *
+ * @typedef {object} Video
+ * @property {Source[]} frames
+ * @property {number[]} times when each is shown, in seconds
+ * @property {string} codec
+ * @property {() => void} close gives back the frames that were decoded ahead
+ */
 
 const MOST_FRAMES = 200_000;
 /** Frames that are kept as they were decoded, since neighbours are asked for together. */
@@ -19,8 +26,7 @@ const KEPT = 8;
 /**
  * The frames of a video, as a sequence that is called like the file.
  * @param {Source} source
- * @returns {Promise<{ frames: Source[], contents: string, close: () => void }>} `close` gives back
- * the frames that were decoded ahead
+ * @returns {Promise<Video>}
  */
 export async function openVideo(source) {
   const { path } = source;
@@ -72,7 +78,8 @@ export async function openVideo(source) {
       path: `${folder}/frame_${String(i).padStart(6, "0")}`,
       read: () => reader.frame(i),
     })),
-    contents: `${count(times.length, "frame")}, ${track.codec}`,
+    times,
+    codec: track.codec,
     close: () => reader.close(),
   };
 }

@@ -1,6 +1,7 @@
 //! Parquet files, as the table that pandas or polars would write of them.
 
 mod columns;
+mod episodes;
 mod pages;
 mod thrift;
 
@@ -16,6 +17,7 @@ use super::reading::Notice;
 use crate::error::{Error, Result};
 use crate::memory;
 use columns::{Column, unreadable};
+pub use episodes::{VideoEpisode, read_video_episodes};
 use pages::CheckedPages;
 use thrift::{check_footer, check_pages};
 
@@ -49,8 +51,7 @@ const COUNTED: [&str; 3] = ["index", "task_index", "timestamp"];
 /// more than fits into memory.
 pub fn export_parquet(bytes: Vec<u8>) -> Result<Export> {
     let file = File::open(Bytes::from(bytes))?;
-    let (mut columns, left_out) =
-        columns::columns(file.reader.metadata().file_metadata().schema_descr());
+    let (mut columns, left_out) = file.columns();
     let mut notices = Vec::new();
     if !left_out.is_empty() {
         notices.push(Notice::from(format!(
@@ -144,6 +145,11 @@ impl File {
         check_footer(&bytes[start.ok_or_else(cut)?..end])?;
         let reader = SerializedFileReader::new(bytes.clone()).map_err(|e| unreadable(&e))?;
         Ok(Self { bytes, reader })
+    }
+
+    /// The columns that can be read, and the names of the others with what they are.
+    fn columns(&self) -> (Vec<Column>, Vec<String>) {
+        columns::columns(self.reader.metadata().file_metadata().schema_descr())
     }
 
     fn groups(&self) -> &[RowGroupMetaData] {
