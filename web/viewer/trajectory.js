@@ -110,7 +110,7 @@ function pathLines(score, quantity) {
   const truth = { label: "truth", mark: "truth", value: of(series.truth) };
   if (keypoint === null) return [truth];
   /** @type {Line} */
-  const mapped = { label: "transformed", mark: "transformed", value: of(series.transformed) };
+  const mapped = { label: "mapped", mark: "transformed", value: of(series.transformed) };
   // In the image and in space no axis is common.
   if (ofKeypoint !== ofObject) return [truth, mapped];
   return [

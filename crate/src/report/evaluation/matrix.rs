@@ -116,7 +116,7 @@ impl<'a> Matrix<'a> {
             .unwrap_or(0)
             .clamp(3 * em, (width as i32 / 4).max(5 * em))
             + em;
-        let cell = ((width as i32 - labels - em / 2) / columns).clamp(17.max(3 * em / 2), 6 * em);
+        let cell = ((width as i32 - labels - em / 2) / columns).clamp(16.max(5 * em / 4), 6 * em);
         let row = (5 * em / 2).min(40);
         let (left, top) = (labels, 2 * em);
         let (right, bottom) = (left + columns * cell, top + rows * row);
