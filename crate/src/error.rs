@@ -81,6 +81,11 @@ pub enum Reason {
     InSpace,
     /// A file holds no frames; it may hold points.
     NoFrames,
+    /// A table has columns, but not those that are needed; they may have other names.
+    OtherColumns {
+        /// The columns that are needed and missing.
+        missing: Vec<String>,
+    },
     /// A file of arrays holds no points by their usual names; it may hold positions by others.
     NoPoints,
     /// A recording holds the frames of several cameras. With the name of one, it can be read.

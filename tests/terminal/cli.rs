@@ -239,6 +239,36 @@ fn csv_has_one_line_an_object() {
         lines[0].starts_with("object,tracked,error,threshold")
             && lines[1].starts_with("cube,true,")
     );
+    assert!(lines[0].ends_with(",held_out_error,enough_data"));
+    // One sequence alone has no held-out error.
+    assert!(lines[1].ends_with(",,true"), "{}", lines[1]);
+}
+
+#[test]
+fn the_default_threshold_of_the_end_effector_holds_for_either_case() {
+    let tables = Tables::new();
+    let upper = tables.read("gt.csv").replace(",eef,", ",EEF,");
+    tables.write("gt.csv", &upper);
+    let result = json(&tables.score(&[]));
+    let objects = result["objects"].as_array().expect("objects");
+    let end_effector = objects.iter().find(|object| object["name"] == "EEF");
+    assert_eq!(end_effector.expect("EEF")["threshold"], 0.1);
+}
+
+#[test]
+fn columns_of_other_names_are_told_with_the_option_that_names_them() {
+    let tables = Tables::new();
+    let renamed = tables.read("gt.csv").replace("object", "label");
+    tables.write("gt.csv", &renamed);
+    let refused = tables.score(&[]);
+    assert_eq!(refused.status.code(), Some(3), "{}", stderr(&refused));
+    assert!(
+        stderr(&refused).contains("--columns"),
+        "{}",
+        stderr(&refused)
+    );
+    let read = json(&tables.score(&["--columns", "object=label"]));
+    assert_eq!(read["frames"], 40);
 }
 
 #[test]
@@ -1179,7 +1209,7 @@ mod train {
             "{}/../web/example/checkpoint.safetensors",
             env!("CARGO_MANIFEST_DIR")
         );
-        refused(&[&example], 4, "is a keynet-vel-std-bg with");
+        refused(&[&example], 4, "is a keynet-kp64-vel-std-bg with");
         refused(&[&file, "--background", "mean"], 2, "--background");
         let mut encoder = before;
         encoder

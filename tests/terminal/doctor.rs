@@ -265,6 +265,17 @@ fn turned_axes_are_told_and_can_be_read() {
         "axes",
         &["--keypoints-axis-order", "xy", "--keypoints-flip", "y"],
     );
+    // What is said of both sides together leaves them swapped relative to each other.
+    let folder = folder(swapped);
+    let found = json(&score(folder.path(), &["--axis-order", "yx"]));
+    let finding = found["findings"]
+        .as_array()
+        .and_then(|all| all.iter().find(|f| f["problem"] == "axes"))
+        .unwrap_or_else(|| panic!("{}", found["findings"]));
+    assert_eq!(
+        finding["remedies"],
+        json!([{ "type": "axes", "side": "keypoints", "order": "xy", "flip": "none" }])
+    );
 }
 
 #[test]

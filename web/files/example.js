@@ -1,19 +1,20 @@
 // @ts-check
 /** The example that comes with the page. */
 
+import { entriesOf, unpack } from "./containers/zip.js";
 import { mapBounded } from "./sources.js";
 
 /**
  * @typedef {object} Manifest
  * @property {string} title
- * @property {string[]} frames
+ * @property {string} frames an archive of them, which the site has in the place of their folder
  * @property {string} truth
  * @property {string} checkpoint
  * @property {string} [note]
  */
 
 const FOLDER = new URL("../example/", import.meta.url);
-const CONNECTIONS = 6;
+const AT_A_TIME = 32;
 
 /**
  * Fetches the example.
@@ -23,14 +24,28 @@ const CONNECTIONS = 6;
 export async function fetchExample(onProgress) {
   /** @type {Manifest} */
   const manifest = await (await get("manifest.json")).json();
-  const paths = [manifest.truth, manifest.checkpoint, ...manifest.frames];
+  const paths = [manifest.truth, manifest.checkpoint, manifest.frames];
   let done = 0;
-  const sources = await mapBounded(paths, CONNECTIONS, async (path) => {
-    const blob = await (await get(path)).blob();
-    onProgress(++done, paths.length);
-    return { path, blob };
-  });
-  return { manifest, sources };
+  const [truth, checkpoint, archive] = await Promise.all(
+    paths.map(async (path) => {
+      const blob = await (await get(path)).blob();
+      onProgress(++done, paths.length);
+      return { path, blob };
+    }),
+  );
+  return { manifest, sources: [truth, checkpoint, ...(await framesIn(archive))] };
+}
+
+/**
+ * The frames in an archive, under the paths that they have in their folder.
+ * @param {{ path: string, blob: Blob }} archive
+ */
+async function framesIn({ path, blob }) {
+  const folder = path.replace(/\.zip$/, "");
+  return mapBounded(await entriesOf(blob, path), AT_A_TIME, async (entry) => ({
+    path: `${folder}/${entry.path}`,
+    blob: await unpack(blob, entry, entry.path, false),
+  }));
 }
 
 /** @param {string} path */

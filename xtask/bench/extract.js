@@ -1,7 +1,8 @@
 // The pool of the page and onnxruntime-web by turns, over the same frames. Ours is timed from
 // encoded images to keypoints; onnxruntime-web, which decodes nothing, from pixels that are ready.
 import * as ort from "/peers/onnxruntime-web/dist/ort.wasm.min.mjs";
-import { WorkerPool } from "/extraction-pool.js";
+import { WorkerPool } from "/extraction/pool.js";
+import { fetchExample } from "/files/example.js";
 
 const ROUNDS = Number(new URLSearchParams(location.search).get("rounds") ?? 5);
 const FRAMES = 24;
@@ -11,12 +12,13 @@ const blobOf = async (path) => (await fetch(path)).blob();
 
 /** Frames of the example at this size, encoded and as planes of floats. */
 async function framesOf(side) {
-  const manifest = await (await fetch("/example/manifest.json")).json();
+  const { sources } = await fetchExample(() => {});
+  const images = sources.filter(({ path }) => path.endsWith(".png"));
   const canvas = new OffscreenCanvas(side, side);
   const context = canvas.getContext("2d", { willReadFrequently: true });
   const frames = [];
-  for (const path of manifest.frames.slice(0, FRAMES)) {
-    context.drawImage(await createImageBitmap(await blobOf(`/example/${path}`)), 0, 0, side, side);
+  for (const { path, blob } of images.slice(0, FRAMES)) {
+    context.drawImage(await createImageBitmap(blob), 0, 0, side, side);
     const { data } = context.getImageData(0, 0, side, side);
     const planes = new Float32Array(3 * side * side);
     for (let i = 0; i < planes.length; i++) {

@@ -3,12 +3,14 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use tempfile::{NamedTempFile, TempDir};
+use zip::write::{SimpleFileOptions, ZipWriter};
 
 use crate::package::Build;
 use crate::setup::Minifier;
@@ -23,6 +25,11 @@ const WORKER: &str = "service-worker.js";
 /// Where libraries of others lie in the site.
 const LIBRARIES: &str = "vendor/";
 const PLACEHOLDER: &str = r#"const SITE = { version: "", files: {} };"#;
+
+/// The frames of the example, which a host would be asked for one by one, and the archive that the
+/// site has in their place.
+const FRAMES: &str = "example/frames/";
+const ARCHIVE: &str = "example/frames.zip";
 
 /// Where each file of the site comes from, by its path in the site with `/` between the parts.
 type Sources = BTreeMap<String, PathBuf>;
@@ -61,6 +68,7 @@ pub fn write(workspace: &Workspace, out: &Path, build: Build, gpu: bool) -> Resu
             fs::read(source).with_context(|| format!("cannot read {}", source.display()))?;
         contents.insert(name.as_str(), content);
     }
+    pack_frames(&mut contents)?;
     if build == Build::Full {
         match setup::minifier(workspace) {
             Ok(minifier) => minify(&minifier, &mut contents)?,
@@ -81,7 +89,8 @@ pub fn write(workspace: &Workspace, out: &Path, build: Build, gpu: bool) -> Resu
         &json!({ "tracklens": env!("CARGO_PKG_VERSION"), "files": hashes }),
     )?;
 
-    for name in before.iter().filter(|name| !sources.contains_key(*name)) {
+    let is_gone = |name: &&String| !contents.contains_key(name.as_str());
+    for name in before.iter().filter(is_gone) {
         let gone = joined(&out, name);
         eprintln!("removing {}", gone.display());
         fs::remove_file(&gone).with_context(|| format!("cannot remove {}", gone.display()))?;
@@ -91,7 +100,25 @@ pub fn write(workspace: &Workspace, out: &Path, build: Build, gpu: bool) -> Resu
     for (name, content) in &contents {
         put(&joined(&out, name), content)?;
     }
-    println!("{}: {} files", out.display(), sources.len());
+    println!("{}: {} files", out.display(), contents.len());
+    Ok(())
+}
+
+/// Puts the frames of the example into an archive, stored as they are: images are packed already.
+fn pack_frames(contents: &mut BTreeMap<&str, Vec<u8>>) -> Result<()> {
+    let frames: Vec<_> = contents
+        .extract_if(.., |name, _| name.starts_with(FRAMES))
+        .collect();
+    if frames.is_empty() {
+        return Ok(());
+    }
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (name, frame) in frames {
+        archive.start_file(&name[FRAMES.len()..], stored)?;
+        archive.write_all(&frame)?;
+    }
+    contents.insert(ARCHIVE, archive.finish()?.into_inner());
     Ok(())
 }
 
@@ -287,6 +314,34 @@ mod tests {
             MARKER,
         ];
         assert_eq!(files(&out)?, expected);
+        Ok(())
+    }
+
+    #[test]
+    fn the_frames_of_the_example_are_one_file() -> Result<()> {
+        let folder = TempDir::new()?;
+        let out = folder.path().join("out");
+        let workspace = workspace(folder.path())?;
+        let frame = workspace
+            .web()
+            .join("example/frames/seq_0000/frame_000.png");
+        put(&frame, b"an image")?;
+        write(&workspace, &out, Build::Quick, false)?;
+        let of_example = || -> Result<Vec<String>> {
+            let mut files = files(&out)?;
+            files.retain(|file| file.starts_with("example/"));
+            Ok(files)
+        };
+        assert_eq!(of_example()?, ["example/frames.zip", "example/truth.csv"]);
+        let bytes = fs::read(out.join("example/frames.zip"))?;
+        // Names and content stand in it as they are, and the same frames make the same archive.
+        let has = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
+        assert!(has(b"seq_0000/frame_000.png") && has(b"an image"));
+        write(&workspace, &out, Build::Quick, false)?;
+        assert_eq!(fs::read(out.join("example/frames.zip"))?, bytes);
+        fs::remove_file(&frame)?;
+        write(&workspace, &out, Build::Quick, false)?;
+        assert_eq!(of_example()?, ["example/truth.csv"]);
         Ok(())
     }
 

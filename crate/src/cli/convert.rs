@@ -11,7 +11,7 @@ use crate::data::{
     Columns, NpzWriter, SequenceRange, coco_json, deeplabcut_csv, ground_truth_csv, keypoints_csv,
     ranges,
 };
-use crate::error::{Error, Reason, Result};
+use crate::error::{Error, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 
 #[derive(Debug, Args)]
@@ -122,9 +122,11 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
     let out = &arguments.out;
     let size = || {
         image_size.ok_or_else(|| {
-            Error::input("it has positions in pixels, and the size of the images is not known")
-                .because(Reason::MissingImageSize)
-                .at(out.display())
+            Error::input(
+                "it has positions in pixels, and the size of the images is not known; give it with \
+                 --image-size WIDTHxHEIGHT",
+            )
+            .at(out.display())
         })
     };
     let (frames, bytes) = match (target, points) {

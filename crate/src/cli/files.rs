@@ -11,9 +11,9 @@ use clap::Args;
 use super::hints::hint;
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, HDF5_MAGIC, NPY_MAGIC, Notice,
-    NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC, ZarrStore,
-    ZipStore, describes_zarr, export_parquet, export_pickle, ground_truth_of_arrays,
+    AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, Ground, HDF5_MAGIC, NPY_MAGIC,
+    Notice, NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC,
+    ZarrStore, ZipStore, describes_zarr, export_parquet, export_pickle, ground_truth_of_arrays,
     keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
     parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints, read_zarr_ground_truth,
     read_zarr_keypoints,
@@ -38,7 +38,8 @@ pub(super) fn is_same(a: &Path, b: &Path) -> bool {
 /// How points are read from tables and recordings, and which of them count.
 #[derive(Debug, Args)]
 pub(super) struct TruthArguments {
-    /// Order of coordinates in points: xy or yx; default: what the file says, else xy
+    /// Order of coordinates in points, of keypoints too unless --keypoints-axis-order says otherwise:
+    /// xy or yx; default: what the file says, else xy
     #[arg(long, value_name = "ORDER")]
     axis_order: Option<AxisOrder>,
     /// Only these objects of the ground truth, in this order (e.g. cube,target,eef); default: all
@@ -642,7 +643,12 @@ pub(super) fn read_keypoints(
         zero_is_missing: reading.keypoints_zero_is_missing.then_some(true),
         xy_only: arguments.xy_only,
     };
-    keypoints_of(path, &options, reading.keypoints_columns.as_ref())
+    let mut parsed = keypoints_of(path, &options, reading.keypoints_columns.as_ref())?;
+    if reading.keypoints_axis_order.is_none() && arguments.axis_order.is_some() {
+        // What was said of both sides together may be meant of one: it can be questioned.
+        parsed.reading.axes.by = Ground::Guess;
+    }
+    Ok(parsed)
 }
 
 /// Keypoints of a file of any kind.

@@ -11,16 +11,16 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
     Some(Cow::Borrowed(match reason {
         Reason::DetectorSettings { missing } => return Some(Cow::Owned(detector(missing))),
         Reason::MissingImageSize => {
-            "give the size with --image-size 256x256, or say that the positions are in ndc with --space ndc"
+            "give the size of the images with --image-size WIDTHxHEIGHT, or say that the positions are in ndc with --space ndc"
         }
         Reason::UnknownUnit => {
             "say it with --space px and --image-size WxH (of the whole board), --space fraction \
              or --space ndc"
         }
         Reason::NoPoints => {
-            "`score --columns` and `eval --truth-columns` name an array for each object of HDF5 \
-             and Zarr, e.g. \
-             eef=obs/robot0_eef_pos,cube=obs/object[0:3]"
+            "of HDF5 and Zarr, `score --columns` and `eval --truth-columns` name an array for each \
+             object, e.g. eef=obs/robot0_eef_pos,cube=obs/object[0:3]; an NPZ file needs an array \
+             of its own: np.savez(\"points.npz\", keypoints=points), points [S, T, K, 2]"
         }
         Reason::SeveralCameras { names } => {
             let first = names.first()?;
@@ -41,7 +41,13 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
             return Some(Cow::Owned(numbers(*frames, *sequences)));
         }
         Reason::KeypointsFromOne => "`--first-keypoint 1` counts the keypoints from 1",
-        Reason::AssumedAxisOrder => "`--axis-order yx` reads (y, x)",
+        Reason::AssumedAxisOrder => {
+            "`--axis-order yx` reads (y, x), of both sides unless `--keypoints-axis-order` says otherwise"
+        }
+        Reason::OtherColumns { .. } => {
+            "`--columns` says which column is what, e.g. --columns x=px,y=py,frame=t,object=label; \
+             `--keypoints-columns` of keypoints"
+        }
         Reason::MissingPoints { .. }
         | Reason::LooksLikeFractions
         | Reason::InSpace

@@ -206,7 +206,8 @@ fn frame_numbers(files: &[&str]) -> Result<Vec<u64>> {
         };
         if let Some(other) = seen.insert(*last, file) {
             return Err(Error::input(format!(
-                "`{other}` and `{file}` are both frame {last}; expected one image a frame: remove one of them"
+                "`{other}` and `{file}` are both frame {last}; expected one image a frame, and a folder for each sequence: put sequences into \
+                 folders of their own, or remove one of the two"
             )));
         }
     }

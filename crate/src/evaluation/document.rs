@@ -711,7 +711,7 @@ fn warnings(evaluation: &Evaluation) -> Vec<String> {
             ));
         } else if object.frames < 30 {
             out.push(format!(
-                "object `{}` is visible in only {} frames, too few to judge a fitted map",
+                "object `{}` is visible in only {} frame(s), too few to judge a fitted map",
                 object.name, object.frames
             ));
         }
@@ -822,9 +822,16 @@ impl JoinReport {
             } else {
                 ""
             };
+            // Of most frames, so few can be matched by chance.
+            let question = match unmatched.count > self.matched {
+                true => {
+                    ". These are most: are frames numbered alike in both, and sequences named alike?"
+                }
+                false => "",
+            };
             (unmatched.count > 0).then(|| {
                 format!(
-                    "{} {what}: {}{more}",
+                    "{} {what}: {}{more}{question}",
                     unmatched.count,
                     unmatched.first.join("; ")
                 )

@@ -7,10 +7,13 @@ use super::moments::Moments;
 use crate::error::{Error, Result};
 
 /// The paper's threshold for an object of its PandaPush task (cube and target 0.015, eef 0.1;
-/// appendix, "Evaluation"), and 0.015 for any other. It applies to the mean squared distance in
-/// ndc.
+/// appendix, "Evaluation"; in letters of either case), and 0.015 for any other. It applies to the
+/// mean squared distance in ndc.
 pub fn default_threshold(name: &str) -> f64 {
-    if name == "eef" { 0.1 } else { 0.015 }
+    match name.eq_ignore_ascii_case("eef") {
+        true => 0.1,
+        false => 0.015,
+    }
 }
 
 /// An object to be tracked.

@@ -1,10 +1,13 @@
 //! What the `tracklens` command finds in the same files.
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 use crate::page::example;
 
@@ -49,6 +52,25 @@ pub fn copy_folder(from: &Path, to: &Path) {
             fs::copy(path, to).expect("copied");
         }
     }
+}
+
+/// Packs files and folders of `folder` into a ZIP archive.
+pub fn pack(folder: &Path, names: &[&str], archive: &Path) {
+    let mut zip = ZipWriter::new(fs::File::create(archive).expect("an archive"));
+    let mut waiting: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    while let Some(path) = waiting.pop() {
+        if path.is_dir() {
+            let entries = fs::read_dir(&path).expect("a folder");
+            waiting.extend(entries.map(|entry| entry.expect("an entry").path()));
+            continue;
+        }
+        let name = path.strip_prefix(folder).expect("a file in it");
+        zip.start_file(name.to_string_lossy(), SimpleFileOptions::default())
+            .expect("an entry");
+        zip.write_all(&fs::read(&path).expect("a file"))
+            .expect("written");
+    }
+    zip.finish().expect("an archive");
 }
 
 /// Checkpoint, frames and ground truth of the example.

@@ -36,9 +36,12 @@ pub const EXAMPLE_LENGTH: usize = 24;
 /// Keypoints of the example's checkpoint.
 pub const EXAMPLE_KEYPOINTS: usize = 64;
 
-/// A file or folder of the site's example.
+/// A file or folder of the example, as the terminal takes it.
 pub fn example(name: &str) -> PathBuf {
-    site().join("example").join(name)
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../web/example");
+    // Chromium takes no `..` in a path.
+    let folder = folder.canonicalize().expect("the example");
+    folder.join(name)
 }
 
 impl Page {

@@ -4,13 +4,10 @@
 mod runs;
 
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use tracklens_page_tests::{Browser, Page, eval_example, in_every_browser, site};
-use zip::ZipWriter;
-use zip::write::SimpleFileOptions;
+use tracklens_page_tests::{Browser, Page, eval_example, example, in_every_browser, pack};
 
 in_every_browser! {
     no_state_of_the_page_has_a_barrier
@@ -81,31 +78,6 @@ fn save(file: &Path) {
     fs::write(file, printed).expect("written");
 }
 
-/// Puts a folder of folders of files into an archive.
-fn pack(folder: &Path, archive: &Path) {
-    let mut zip = ZipWriter::new(fs::File::create(archive).expect("an archive"));
-    let mut waiting = vec![folder.to_owned()];
-    while let Some(path) = waiting.pop() {
-        if path.is_dir() {
-            waiting.extend(
-                fs::read_dir(&path)
-                    .expect("a folder")
-                    .map(|e| e.expect("an entry").path()),
-            );
-            continue;
-        }
-        let name = path
-            .strip_prefix(folder)
-            .expect("a file in it")
-            .to_string_lossy();
-        zip.start_file(name, SimpleFileOptions::default())
-            .expect("an entry");
-        zip.write_all(&fs::read(&path).expect("a file"))
-            .expect("written");
-    }
-    zip.finish().expect("an archive");
-}
-
 /// The tabs that are there; one without a name where there are none.
 async fn tabs(page: &Page) -> Vec<String> {
     let found = page
@@ -171,18 +143,14 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     fs::write(&broken, "sequence,frame,object,x,z\na,0,cube,0,0\n").expect("written");
     let unknown = folder.path().join("notes.pdf");
     fs::write(&unknown, "no table").expect("written");
-    page.pick(&[
-        &broken,
-        &unknown,
-        &site().join("example/checkpoint.safetensors"),
-    ])
-    .await;
+    page.pick(&[&broken, &unknown, &example("checkpoint.safetensors")])
+        .await;
     page.until_text("column y missing").await;
     check("errors").await;
 
     page.click("#start-over").await;
     let frames = folder.path().join("frames.zip");
-    pack(&site().join("example/frames"), &frames);
+    pack(&example(""), &["frames"], &frames);
     page.pick(&[&frames]).await;
     page.click("#missing .mark-objects").await;
     page.until("document.querySelector('#marking-stage').dataset.picture")
@@ -192,8 +160,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     check("marking").await;
 
     page.click("#start-over").await;
-    page.pick(&[&site().join("example/checkpoint.safetensors")])
-        .await;
+    page.pick(&[&example("checkpoint.safetensors")]).await;
     page.click("#missing .open-live").await;
     page.until("!document.querySelector('#live').hidden").await;
     check("live, before a camera is chosen").await;
@@ -220,7 +187,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     // Firefox's driver takes no folders.
     let archive = folder.path().join("runs.zip");
     runs::sweep(&folder.path().join("runs"));
-    pack(&folder.path().join("runs"), &archive);
+    pack(folder.path(), &["runs"], &archive);
     page.pick(&[&archive]).await;
     page.until("document.querySelector('#comparison').dataset.complete === '10'")
         .await;
@@ -272,14 +239,13 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
         .await;
     fits("runs on a phone").await;
     page.click("#start-over").await;
-    page.pick_folder(&site().join("example/frames")).await;
+    page.pick_folder(&example("frames")).await;
     page.click("#missing .mark-objects").await;
     page.until("document.querySelector('#marking-stage').dataset.picture")
         .await;
     fits("marking on a phone").await;
     page.click("#start-over").await;
-    page.pick(&[&site().join("example/checkpoint.safetensors")])
-        .await;
+    page.pick(&[&example("checkpoint.safetensors")]).await;
     page.click("#missing .open-live").await;
     page.until("!document.querySelector('#live').hidden").await;
     fits("live on a phone").await;

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use thirtyfour::{By, Key};
-use tracklens_page_tests::{Browser, Page, copy_folder, in_every_browser, text, tracklens_json};
+use tracklens_page_tests::{
+    Browser, Page, copy_folder, in_every_browser, pack, text, tracklens_json,
+};
 
 in_every_browser! {
     tables_of_other_programs_are_scored_as_in_the_terminal
@@ -138,10 +140,6 @@ async fn one_of_several_cameras_of_a_file_is_chosen(browser: Browser) {
         if camera != "agentview_image" {
             choose_camera(&page, camera).await;
         }
-        page.until(&format!(
-            "document.querySelector('select[name=camera]').value === '{camera}'"
-        ))
-        .await;
         let expected = tracklens_json(&[
             "eval",
             "--checkpoint",
@@ -151,7 +149,9 @@ async fn one_of_several_cameras_of_a_file_is_chosen(browser: Browser) {
             "--array",
             camera,
         ]);
-        shows(&page, &expected, EXTRACTED).await;
+        page.until_errors(&expected, EXTRACTED).await;
+        let shown = "document.querySelector('select[name=camera]').value";
+        assert_eq!(page.value(shown).await, camera);
     }
     page.close().await;
 }
@@ -207,7 +207,12 @@ async fn episodes_in_a_video_of_lerobot_are_sequences(browser: Browser) {
     fs::write(folder.path().join("truth.csv"), truth).expect("written");
 
     let page = Page::open_in(browser).await;
-    page.pick_folder(&data).await;
+    let archive = folder.path().join("pushes.zip");
+    let pick = async || {
+        pack(folder.path(), &["pushes"], &archive);
+        page.pick(&[&archive]).await;
+    };
+    pick().await;
     page.pick(&[
         &folder.path().join("truth.csv"),
         &tests("golden/basic-vel-std-bg-tiny.safetensors"),
@@ -248,7 +253,7 @@ async fn episodes_in_a_video_of_lerobot_are_sequences(browser: Browser) {
     // One video less: the other camera is shown, and there is nothing to choose.
     page.click("#start-over").await;
     fs::remove_file(&videos[0]).expect("removed");
-    page.pick_folder(&data).await;
+    pick().await;
     page.until_text("3 episodes, 40 frames of observation.images.wrist")
         .await;
     assert_eq!(
@@ -259,7 +264,7 @@ async fn episodes_in_a_video_of_lerobot_are_sequences(browser: Browser) {
     page.click("#start-over").await;
     fs::remove_file(&videos[1]).expect("removed");
     fs::write(data.join("videos/notes.txt"), "gone").expect("written");
-    page.pick_folder(&data).await;
+    pick().await;
     page.until_text("none of the videos that the episodes lie in is in pushes/videos")
         .await;
     page.close().await;

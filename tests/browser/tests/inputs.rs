@@ -797,10 +797,11 @@ const DROP_VIDEO: &str = "(async () => { \
   const source = new CanvasSource(canvas, { codec: 'vp8', bitrate: 8e6 }); \
   output.addVideoTrack(source, { frameRate: 10 }); \
   await output.start(); \
-  for (let i = 0; i < 24; i++) { \
-    const name = `frame_${String(i).padStart(3, '0')}.png`; \
-    const image = await fetch(`example/frames/seq_0002/${name}`); \
-    context.drawImage(await createImageBitmap(await image.blob()), 0, 0); \
+  const { fetchExample } = await import(new URL('files/example.js', location.href)); \
+  const { sources } = await fetchExample(() => {}); \
+  const images = sources.filter(({ path }) => path.startsWith('frames/seq_0002/')); \
+  for (const [i, { blob }] of images.entries()) { \
+    context.drawImage(await createImageBitmap(blob), 0, 0); \
     await source.add(i / 10, 0.1); \
   } \
   await output.finalize(); \

@@ -41,10 +41,10 @@ const WATCHED: &str = r#"
 /// reported, in order.
 const RUN: &str = r#"
   const { WorkerPool } = await import(new URL("extraction/pool.js", location.href));
-  const get = async (path) => ({ path, blob: await (await fetch(`example/${path}`)).blob() });
-  const manifest = await (await fetch("example/manifest.json")).json();
-  const frames = await Promise.all(manifest.frames.map(get));
-  const encoder = await new WorkerPool().open(await get(manifest.checkpoint));
+  const { fetchExample } = await import(new URL("files/example.js", location.href));
+  const { manifest, sources } = await fetchExample(() => {});
+  const frames = sources.filter(({ path }) => path.endsWith(".png"));
+  const encoder = await new WorkerPool().open(sources.find(({ path }) => path === manifest.checkpoint));
   globalThis.__frames = frames;
   globalThis.__encoder = encoder;
   globalThis.__run = async (onReport = () => {}, some = frames) => {

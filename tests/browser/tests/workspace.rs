@@ -3,16 +3,13 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
 use tracklens_page_tests::{
-    Browser, Page, eval_example, example, in_every_browser, parsed, text, tracklens_json,
+    Browser, Page, eval_example, example, in_every_browser, pack, parsed, text, tracklens_json,
 };
-use zip::ZipWriter;
-use zip::write::SimpleFileOptions;
 
 in_every_browser! {
     everything_important_is_in_one_window
@@ -450,25 +447,6 @@ async fn an_extraction_shows_what_it_has_so_far(browser: Browser) {
         .await;
     assert!(scored > 0.0);
     page.close().await;
-}
-
-/// Puts files and folders of a folder into an archive.
-fn pack(folder: &Path, names: &[&str], archive: &Path) {
-    let mut zip = ZipWriter::new(fs::File::create(archive).expect("an archive"));
-    let mut waiting: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
-    while let Some(path) = waiting.pop() {
-        if path.is_dir() {
-            let entries = fs::read_dir(&path).expect("a folder");
-            waiting.extend(entries.map(|entry| entry.expect("an entry").path()));
-            continue;
-        }
-        let name = path.strip_prefix(folder).expect("a file in it");
-        zip.start_file(name.to_string_lossy(), SimpleFileOptions::default())
-            .expect("an entry");
-        zip.write_all(&fs::read(&path).expect("a file"))
-            .expect("written");
-    }
-    zip.finish().expect("an archive");
 }
 
 async fn the_guide_is_shown_once(browser: Browser) {

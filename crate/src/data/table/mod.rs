@@ -351,7 +351,9 @@ fn arrange(table: &Raw, name_of: impl Fn(usize) -> String) -> Result<Arranged> {
         })
         .collect();
     let mut notices = table.notices.clone();
-    if says_nothing && confidences().next().is_some() {
+    // Where nothing is visible, that is said by itself.
+    let is_seen = values.iter().any(|v| !v.is_nan());
+    if says_nothing && is_seen && confidences().next().is_some() {
         notices.push(
             "the confidence is 0 throughout, and is not used"
                 .to_owned()

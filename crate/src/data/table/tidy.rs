@@ -6,7 +6,7 @@ use super::space::are_in_space;
 use super::write::unescaped;
 use crate::data::names::{cleaned, quote_list};
 use crate::data::reading::{Layout, TableOptions};
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::track::MOST_AXES;
 
 /// More keypoints than any detector has; a guard against a table whose columns are mixed up.
@@ -66,7 +66,10 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
             if missing.len() == 1 { "" } else { "s" },
             quote_list(&missing),
             found.join(",")
-        )));
+        ))
+        .because(Reason::OtherColumns {
+            missing: missing.into_iter().map(str::to_owned).collect(),
+        }));
     }
     let at = columns.map(|c| find(c).unwrap_or_default());
     let sureness = header

@@ -9,7 +9,7 @@ use super::space::are_in_space;
 use super::write::unescaped;
 use crate::data::names::cleaned;
 use crate::data::reading::{Layout, TableOptions};
-use crate::error::{Error, Result};
+use crate::error::{Error, Reason, Result};
 use crate::track::MOST_AXES;
 
 /// The columns of a point.
@@ -112,7 +112,10 @@ pub fn read(
             "line 1: column `frame` missing; expected e.g. `sequence,frame,{0}_x,{0}_y`, found `{1}`",
             columns.first().map_or("cube", |point| &point.name),
             found.join(",")
-        )));
+        ))
+        .because(Reason::OtherColumns {
+            missing: vec!["frame".to_owned()],
+        }));
     };
     let sequence_column = find(&["sequence"]);
     let track_column = find(&["track", "individual", "individuals"]);

@@ -51,7 +51,7 @@ pub(super) fn examine(subject: &Subject, blocks: &Blocks) -> Option<Finding> {
     Some(Finding {
         problem: Problem::Axes,
         text: format!(
-            "{} {} relative to {}: an affine map hides it. With maps that only scale and shift, the error on held-out \
+            "{} {} relative to {}: an affine map would hide it. With maps that only scale and shift, the error on held-out \
              frames is {:.5} as it is and {:.5} without, smaller in {} of {} stretches",
             side.words(),
             words(swap, flip),

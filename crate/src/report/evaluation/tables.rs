@@ -30,11 +30,20 @@ pub fn evaluation_csv(report: &EvaluationReport) -> String {
         "transform",
         "rank",
         "protocol",
+        "held_out_error",
+        "enough_data",
     ];
     let mut table = Table::new("objects", "Objects", labels.map(Column::text));
     let full = |value: Option<f64>| Cell::number(value, None, Precision::Full);
     for object in &report.objects {
         let best = object.best_keypoint;
+        let held_out = report
+            .held_out
+            .iter()
+            .flat_map(|held_out| &held_out.objects);
+        let held_out = held_out.into_iter().find(|own| own.name == object.name);
+        let sufficiency = report.sufficiency.iter().flatten();
+        let known = sufficiency.into_iter().find(|own| own.name == object.name);
         table.push([
             Cell::text(&object.name),
             Cell::text(object.tracked.to_string()),
@@ -49,6 +58,11 @@ pub fn evaluation_csv(report: &EvaluationReport) -> String {
             Cell::text(&report.transform),
             Cell::text(&report.rank),
             Cell::text(&report.protocol),
+            full(held_out.and_then(|own| own.error)),
+            known.map_or_else(
+                || Cell::text(""),
+                |own| Cell::text(own.is_known.to_string()),
+            ),
         ]);
     }
     table.to_csv()
