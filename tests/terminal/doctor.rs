@@ -310,19 +310,20 @@ fn lost_points_at_zero_are_told_and_can_be_left_out() {
             + &row("bodyparts", &|point| [(); 3].map(|()| point.to_owned()))
             + &row("coords", &|_| ["x", "y", "likelihood"].map(str::to_owned))
     };
-    let table = |lost: &dyn Fn(usize) -> bool| {
+    let table = |lost: &dyn Fn(usize) -> bool, mark: f64| {
         let mut text = header(&["nose", "tail"]);
         for t in 0..60 {
             let i = t as f64;
             let nose = [50.0 + 30.0 * (i * 0.7).sin(), 50.0 + 30.0 * (i * 0.4).cos()];
             let tail = [40.0 + 30.0 * (i * 0.2).cos(), 50.0 + 20.0 * (i * 1.1).sin()];
-            let [x, y] = if lost(t) { [0.0; 2] } else { nose };
+            let [x, y] = if lost(t) { [mark; 2] } else { nose };
             let _ = writeln!(text, "{t},{x},{y},0.9,{},{},0.9", tail[0], tail[1]);
         }
         text
     };
-    std::fs::write(folder.path().join("gt.csv"), table(&|_| false)).expect("written");
-    std::fs::write(folder.path().join("kp.csv"), table(&|t| t % 6 == 2)).expect("written");
+    std::fs::write(folder.path().join("gt.csv"), table(&|_| false, 0.0)).expect("written");
+    let lost = |mark| table(&|t| t % 6 == 2, mark);
+    std::fs::write(folder.path().join("kp.csv"), lost(0.0)).expect("written");
     let size = ["--image-size", "100x100"];
     let found = json(&score(folder.path(), &size));
     assert_eq!(
@@ -344,4 +345,19 @@ fn lost_points_at_zero_are_told_and_can_be_left_out() {
     // whose rounding is about 1e-12 of the variance.
     assert!(error(&fixed) < 1e-12, "{}", error(&fixed));
     assert_eq!(fixed["missing"], json!([10, 0]));
+
+    // As other programs write it, for which there is no option.
+    std::fs::write(folder.path().join("kp.csv"), lost(-1.0)).expect("written");
+    let found = json(&score(folder.path(), &size));
+    let finding = &found["findings"][0];
+    assert_eq!(finding["problem"], "zeros", "{}", found["findings"]);
+    assert_eq!(
+        (&finding["evidence"]["count"], &finding["remedies"]),
+        (&json!(10), &json!([]))
+    );
+    let text = finding["text"].to_string();
+    assert!(
+        text.contains("(-1, -1)") && text.contains("leave such cells empty"),
+        "{text}"
+    );
 }

@@ -123,8 +123,8 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
     let size = || {
         image_size.ok_or_else(|| {
             Error::input(
-                "it has positions in pixels, and the size of the images is not known; give it with \
-                 --image-size WIDTHxHEIGHT",
+                "it has positions in pixels, and the size of the images is not known; give the size \
+                 with --image-size WIDTHxHEIGHT",
             )
             .at(out.display())
         })

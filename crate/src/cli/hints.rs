@@ -11,7 +11,7 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
     Some(Cow::Borrowed(match reason {
         Reason::DetectorSettings { missing } => return Some(Cow::Owned(detector(missing))),
         Reason::MissingImageSize => {
-            "give the size of the images with --image-size WIDTHxHEIGHT, or say that the positions are in ndc with --space ndc"
+            "give the size with --image-size WIDTHxHEIGHT, or say that the positions are in ndc with --space ndc"
         }
         Reason::UnknownUnit => {
             "say it with --space px and --image-size WxH (of the whole board), --space fraction \

@@ -16,14 +16,12 @@ const WORST: usize = 3;
 /// Prints a table of the objects, a line for everything else that was asked for, and the warnings.
 pub(super) fn print(report: &EvaluationReport) -> Result<()> {
     let tracked = report.objects.iter().filter(|o| o.tracked).count();
-    let objects_tracked = format!(
-        "{tracked} of {} objects tracked over {} frames",
-        report.objects.len(),
-        report.frames
-    );
+    let (of, frames) = (report.objects.len(), report.frames);
     match report.tc {
-        Some(tc) => say!("TC {tc:.3}: {objects_tracked}"),
-        None => say!("TC unknown, not enough data: {objects_tracked}"),
+        Some(tc) => say!("TC {tc:.3}: {tracked} of {of} objects tracked over {frames} frames"),
+        None => say!(
+            "TC unknown, not enough data: {tracked} of {of} objects below their threshold over {frames} frames"
+        ),
     }
     say!("{}", drawn(&objects(report)));
     if let Some(intervals) = &report.intervals {

@@ -1,4 +1,4 @@
-//! Positions of exactly (0, 0), as detectors write what they did not find.
+//! Positions of exactly (0, 0) or (-1, -1), as detectors write what they did not find.
 
 use ndarray::{Array3, ArrayView2, Axis};
 
@@ -17,18 +17,48 @@ const UNIQUE: f64 = 0.9;
 /// The least distance of such a jump, ndc.
 const LEAST_JUMP: f64 = 0.05;
 
+/// What stands for a point that was not found.
+#[derive(Clone, Copy, PartialEq)]
+enum Mark {
+    Zero,
+    MinusOne,
+}
+
+impl Mark {
+    /// Whether this is what the mark became when a coordinate was read.
+    fn is(self, v: f64, space: Space, is_flipped: bool) -> bool {
+        let v = if is_flipped { -v } else { v };
+        match (space, self) {
+            (Space::Ndc | Space::World, Self::Zero) => v == 0.0,
+            (Space::Ndc | Space::World, Self::MinusOne) => v == -1.0,
+            (Space::Fraction, Self::Zero) => v == -1.0,
+            (Space::Fraction, Self::MinusOne) => v == -3.0,
+            (Space::Pixels, Self::Zero) => is_pixel(v, 1.0),
+            (Space::Pixels, Self::MinusOne) => is_pixel(v, -1.0),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Zero => "(0, 0)",
+            Self::MinusOne => "(-1, -1)",
+        }
+    }
+}
+
 pub(super) fn examine(subject: &Subject) -> Vec<Finding> {
-    [Side::Truth, Side::Keypoints]
-        .into_iter()
-        .filter_map(|side| of(subject, side))
+    let sides = [Side::Truth, Side::Keypoints];
+    let cases = [Mark::Zero, Mark::MinusOne].map(|mark| sides.map(|side| (mark, side)));
+    let found = cases.as_flattened().iter();
+    found
+        .filter_map(|(mark, side)| of(subject, *mark, *side))
         .collect()
 }
 
-fn of(subject: &Subject, side: Side) -> Option<Finding> {
+fn of(subject: &Subject, mark: Mark, side: Side) -> Option<Finding> {
     let reading = subject.reading(side)?;
-    if subject.is_said(side, |reading| reading.zero_is_missing)
-        || reading.layout == Layout::Extraction
-    {
+    let is_settled = mark == Mark::Zero && subject.is_said(side, |r| r.zero_is_missing);
+    if is_settled || reading.layout == Layout::Extraction {
         return None;
     }
     let (keys, points) = match side {
@@ -36,14 +66,9 @@ fn of(subject: &Subject, side: Side) -> Option<Finding> {
         Side::Keypoints => (subject.keypoints.keys(), subject.keypoints.points()),
     };
     let flip = reading.flip.value.axes();
-    let is_zero = |p: [f64; 2]| match reading.space.value {
-        Space::Ndc | Space::World => p == [0.0, 0.0],
-        Space::Fraction => (0..2).all(|axis| p[axis] == if flip[axis] { 1.0 } else { -1.0 }),
-        Space::Pixels => {
-            (0..2).all(|axis| is_first_pixel(if flip[axis] { -p[axis] } else { p[axis] }))
-        }
-    };
-    let (count, affected) = stray(keys, points, is_zero);
+    let space = reading.space.value;
+    let is_mark = |p: [f64; 2]| (0..2).all(|axis| mark.is(p[axis], space, flip[axis]));
+    let (count, affected) = stray(keys, points, is_mark);
     if affected == 0 {
         return None;
     }
@@ -52,27 +77,37 @@ fn of(subject: &Subject, side: Side) -> Option<Finding> {
         Side::Truth => "object(s)",
         Side::Keypoints => "keypoint(s)",
     };
+    let remedies = match mark {
+        Mark::Zero => vec![Remedy::ZeroIsMissing { side }],
+        Mark::MinusOne => Vec::new(),
+    };
+    let advice = match mark {
+        Mark::Zero => "",
+        Mark::MinusOne => "; leave such cells empty",
+    };
     Some(Finding {
         problem: Problem::Zeros,
         text: format!(
-            "{count} of {of} positions of {} are exactly (0, 0), and {affected} {what} jump there and back: many \
-             programs write that for a point that they did not find",
-            side.words()
+            "{count} of {of} positions of {} are exactly {}, and {affected} {what} jump there and back: many \
+             programs write that for a point that they did not find{advice}",
+            side.words(),
+            mark.name()
         ),
         evidence: Evidence {
             count,
             of,
             ..Evidence::default()
         },
-        remedies: vec![Remedy::ZeroIsMissing { side }],
+        remedies,
     })
 }
 
-/// Whether this is what pixel 0 of an image of some size becomes.
-fn is_first_pixel(v: f64) -> bool {
-    let size = 1.0 / (v + 1.0);
+/// Whether this is what a pixel of an image of some size becomes: pixel 0 for the distance 1, of its
+/// centre from the edge in half pixels, pixel -1 for -1.
+fn is_pixel(v: f64, distance: f64) -> bool {
+    let size = distance / (v + 1.0);
     (1.0..=1e5).contains(&size) && (size - size.round()).abs() < 1e-6 * size && {
-        1.0 / size.round() - 1.0 == v
+        distance / size.round() - 1.0 == v
     }
 }
 
