@@ -4,14 +4,16 @@
 //! `cargo bench -p tracklens --bench train_step` prints a table; with `-- --json NAME` one line of
 //! JSON for the architecture that `peers/train_step_torch.py` times as well. `--threads N` limits
 //! the threads, `--steps N` says how many steps are timed, `--snippets N` and `--input SIDE` make
-//! them of another size, `--architectures A,B` of others. `--input 256 --snippets 4` is an eighth
-//! of a step of the paper.
+//! them of another size, `--architectures A,B` of others, `--device gpu` times the GPU, with the
+//! feature of that name. `--input 256 --snippets 4` is an eighth of a step of the paper.
 
 use std::error::Error;
 use std::time::Instant;
 
+use burn::prelude::Device;
 use tracklens::checkpoint::{Family, SaeConfig};
-use tracklens::model::fresh_weights;
+use tracklens::device::DeviceKind;
+use tracklens::model::{fresh_weights, open};
 use tracklens::train::Trainer;
 
 /// A snippet: three frames in a row.
@@ -55,9 +57,14 @@ fn operations(config: &SaeConfig, step: Step) -> f64 {
 }
 
 /// The median of `steps` steps after two that are not counted, in milliseconds.
-fn median_ms(config: &SaeConfig, step: Step, steps: usize) -> Result<f64, Box<dyn Error>> {
+fn median_ms(
+    config: &SaeConfig,
+    step: Step,
+    steps: usize,
+    device: &Device,
+) -> Result<f64, Box<dyn Error>> {
     let Step { images, input } = step;
-    let mut trainer = Trainer::new(&fresh_weights(config, 0), 1e-3)?;
+    let mut trainer = Trainer::on(device, &fresh_weights(config, 0), 1e-3)?;
     let [width, height] = config.target_size;
     let values = |len: usize| -> Vec<f32> {
         (0..len)
@@ -95,8 +102,14 @@ fn main() -> Result<(), Box<dyn Error>> {
             .num_threads(threads.parse()?)
             .build_global()?;
     }
+    let device = open(match value("--device").unwrap_or("cpu") {
+        "cpu" => DeviceKind::Cpu,
+        "gpu" => DeviceKind::Gpu,
+        other => return Err(format!("unknown device {other}; expected cpu or gpu").into()),
+    })?
+    .device;
     if let Some(architecture) = value("--json") {
-        let time = median_ms(&SaeConfig::named(architecture)?, step, steps)?;
+        let time = median_ms(&SaeConfig::named(architecture)?, step, steps, &device)?;
         println!("{{\"name\":\"train_step_{architecture}\",\"median_ms\":{time:.2}}}");
         return Ok(());
     }
@@ -106,7 +119,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     for architecture in value("--architectures").unwrap_or(ARCHITECTURES).split(',') {
         let config = SaeConfig::named(architecture)?;
-        let time = median_ms(&config, step, steps)?;
+        let time = median_ms(&config, step, steps, &device)?;
         let gflop = operations(&config, step) / 1e9;
         println!(
             "{architecture:<20} {time:>10.1} {gflop:>12.1} {:>10.1}",

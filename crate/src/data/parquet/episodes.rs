@@ -4,7 +4,7 @@ use bytes::Bytes;
 use serde::Serialize;
 
 use super::columns::Column;
-use super::{EPISODE, File, episode, too_much};
+use super::{EPISODE, File, episode};
 use crate::error::{Error, Result};
 
 const LENGTH: &str = "length";
@@ -59,13 +59,7 @@ pub fn read_video_episodes(bytes: Vec<u8>) -> Result<Vec<VideoEpisode>> {
     let mut episodes = Vec::new();
     let mut row = 0;
     file.batches(&columns, |readers, rows| {
-        let mut budget = file.allowed();
-        let mut cells = Vec::with_capacity(columns.len());
-        for (column, reader) in columns.iter().zip(readers) {
-            let of_column = column.cells(reader, rows, &mut budget);
-            let of_column = of_column.map_err(|e| e.at(column.place()))?;
-            cells.push(of_column.ok_or_else(|| too_much("text", file.size()))?);
-        }
+        let cells = file.cells(&columns, readers, rows, file.allowed())?;
         for i in 0..rows {
             row += 1;
             let text = |column: usize| cells[column][i].as_str();

@@ -241,13 +241,8 @@ impl File {
         let allowed = self.allowed();
         self.batches(columns, |readers, rows| {
             // What is unpacked here is written below.
-            let mut budget = allowed.saturating_sub(table.size()) / 2;
-            let mut cells = Vec::with_capacity(columns.len());
-            for (column, reader) in columns.iter().zip(readers) {
-                let of_column = column.cells(reader, rows, &mut budget);
-                let of_column = of_column.map_err(|e| e.at(column.place()))?;
-                cells.push(of_column.ok_or_else(|| too_much("text", self.size()))?);
-            }
+            let budget = allowed.saturating_sub(table.size()) / 2;
+            let mut cells = self.cells(columns, readers, rows, budget)?;
             for row in 0..rows {
                 let of_row = columns.iter().zip(&mut cells).flat_map(|(column, cells)| {
                     let cells = &mut cells[row * column.width..(row + 1) * column.width];
@@ -264,6 +259,22 @@ impl File {
             }
         })?;
         Ok(table)
+    }
+
+    /// The cells of the next `rows` rows by column, whose texts may take `budget` bytes.
+    fn cells(
+        &self,
+        columns: &[Column],
+        readers: &mut [ColumnReader],
+        rows: usize,
+        mut budget: u64,
+    ) -> Result<Vec<Vec<String>>> {
+        let of_column = |(column, reader): (&Column, &mut ColumnReader)| {
+            let cells = column.cells(reader, rows, &mut budget);
+            let cells = cells.map_err(|e| e.at(column.place()))?;
+            cells.ok_or_else(|| too_much("text", self.size()))
+        };
+        columns.iter().zip(readers).map(of_column).collect()
     }
 
     /// Calls `each` for some rows after the other, with a reader of each column and the number of
