@@ -56,6 +56,8 @@ async fn main() {
             tokio::time::sleep(std::time::Duration::from_millis(500)).await;
         }
         let extracted = start.elapsed().as_secs_f64();
+        page.until("document.querySelector('#stage')?.dataset.picture")
+            .await;
         let fps = scrub(&page).await;
         let peak = megabytes(&page, "VmHWM");
         println!(
@@ -78,10 +80,8 @@ fn make_frames(folder: &Path) {
     for sequence in sorted(&example("frames")) {
         // The table has the number alone.
         let name = sequence.file_name().expect("a name").to_string_lossy();
-        let name = name
-            .trim_start_matches("seq_")
-            .trim_start_matches('0')
-            .to_owned();
+        let name: usize = name.trim_start_matches("seq_").parse().expect("a number");
+        let name = name.to_string();
         let images = sorted(&sequence);
         sources.extend(
             images
