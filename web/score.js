@@ -115,21 +115,27 @@ export class Score extends EventTarget {
   /**
    * Shows what is there before it can be scored.
    * @param {Points | null} points
-   * @param {Scoring | null} judge the frames that have keypoints already
+   * @param {Evaluation | null} provisional of the frames that have keypoints already
    */
-  showPreview(points, judge) {
+  showPreview(points, provisional) {
     if (!points && !this.preview) return;
     this.preview = points;
-    this.provisional = null;
+    this.provisional = points?.scoring ? provisional : null;
     if (points) this.#keepSelection();
-    if (points?.scoring && judge) {
-      try {
-        this.provisional = judge.evaluate(this.#scoreOptions());
-      } catch {
-        // Too little is there yet; what is wrong with the options is said with the score.
-      }
-    }
     this.emit("preview");
+  }
+
+  /**
+   * An evaluation under the options of the score; `null` where there is too little for one yet.
+   * @param {Scoring} scoring
+   */
+  evaluateSoFar(scoring) {
+    try {
+      return scoring.evaluate(this.#scoreOptions());
+    } catch {
+      // What is wrong with the options is said with the score.
+      return null;
+    }
   }
 
   #keepSelection() {

@@ -993,15 +993,27 @@ export class Session extends EventTarget {
     this.#previewed = [];
     const start = performance.now();
     const isNeeded = !score.scoring && !score.saved;
-    const points = isNeeded ? previewOf(this, this.#previewed) : null;
     // No number before the questions are answered and enough is marked.
     const isOpen = this.questions.length > 0 || this.lacksMarks;
-    score.showPreview(points, points && !isOpen ? judgeOf(this, this.#previewed) : null);
+    const provisional = isNeeded && !isOpen ? this.#judgeSoFar() : null;
+    score.showPreview(isNeeded ? previewOf(this, this.#previewed) : null, provisional);
     // The views have let go of it now.
     for (const made of before.reverse()) made.free();
     const { least, times } = PREVIEW;
     const now = performance.now();
     this.#previewDue = now + Math.max(least, times * (now - start));
+  }
+
+  /** What the frames that have keypoints already come to; gives back what it took for that. */
+  #judgeSoFar() {
+    /** @type {{ free(): void }[]} */
+    const made = [];
+    try {
+      const scoring = judgeOf(this, made);
+      return scoring && this.score.evaluateSoFar(scoring);
+    } finally {
+      for (const one of made.reverse()) one.free();
+    }
   }
 
   /**
