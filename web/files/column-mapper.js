@@ -57,7 +57,9 @@ export function columnMapper(session, entry) {
  */
 function form(session, entry, header) {
   if (!header || header.columns.length < 3) {
-    return [h("p", { class: "file-reason" }, "Its first line does not name three columns or more.")];
+    return [
+      h("p", { class: "file-reason" }, "Its first line does not name three columns or more."),
+    ];
   }
   const select = (/** @type {string} */ name, /** @type {[string, string][]} */ choices) =>
     h(
@@ -79,7 +81,9 @@ function form(session, entry, header) {
     selects = new Map(
       names.map((name) => {
         const canLack = name === "sequence" || name === point;
-        const all = header.columns.map((column) => /** @type {[string, string]} */ ([column, column]));
+        const all = header.columns.map(
+          (column) => /** @type {[string, string]} */ ([column, column]),
+        );
         const element = select(name, canLack ? [[NONE, "the same in all rows"], ...all] : all);
         const guess = header.columns.find((column) => USUAL[name].test(column));
         element.value = guess ?? (canLack ? NONE : header.columns[0]);

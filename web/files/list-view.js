@@ -187,10 +187,7 @@ function cameraField(session, container, { names, shown }) {
       {
         name: "camera",
         onchange: (/** @type {Event} */ { target }) =>
-          void session.chooseCamera(
-            container,
-            /** @type {HTMLSelectElement} */ (target).value,
-          ),
+          void session.chooseCamera(container, /** @type {HTMLSelectElement} */ (target).value),
       },
       ...names.map((name) => h("option", { value: name, selected: name === shown }, name)),
     ),
