@@ -181,7 +181,7 @@ function cameraField(session, container, { names, shown }) {
   return h(
     "label",
     { class: "choice" },
-    h("span", {}, "Camera"),
+    h("span", { class: "file-reason" }, "Camera"),
     h(
       "select",
       {
