@@ -5,7 +5,6 @@ import { version } from "./pkg/index.js";
 import { DeviceExtractor } from "./extraction/device-extractor.js";
 import { announce, byId } from "./ui/dom.js";
 import { listenToTabs } from "./ui/tabs.js";
-import { embed, embedder } from "./embed.js";
 import { fetchExample } from "./files/example.js";
 import { WorkerPool } from "./extraction/pool.js";
 import { showFiles } from "./files/view.js";
@@ -28,9 +27,25 @@ export function start() {
   takeFiles(session);
   showState(session);
   byId("version").textContent = `tracklens ${version()}`;
-  if (origin !== null) embed(session, origin);
+  if (origin !== null) void import("./embed.js").then(({ embed }) => embed(session, origin));
   if (new URLSearchParams(location.search).has("example")) void session.open(fetchExample);
   void keepOffline();
+}
+
+/**
+ * The origin that the page is embedded for; `null` when it is not embedded, empty when it talks
+ * with nobody. Only http and https have origins that messages can be sent to: that of `data:` and
+ * `file:` is "null".
+ */
+function embedder() {
+  const given = new URLSearchParams(location.search).get("embed");
+  if (given === null) return null;
+  try {
+    const { protocol, origin } = new URL(given);
+    return ["http:", "https:"].includes(protocol) ? origin : "";
+  } catch {
+    return "";
+  }
 }
 
 /** @param {Session} session */

@@ -18,22 +18,6 @@ import { version } from "./pkg/index.js";
 const PROTOCOL = 1;
 
 /**
- * The origin that the page is embedded for; `null` when it is not embedded, empty when it talks
- * with nobody. Only http and https have origins that messages can be sent to: that of `data:` and
- * `file:` is "null".
- */
-export function embedder() {
-  const given = new URLSearchParams(location.search).get("embed");
-  if (given === null) return null;
-  try {
-    const { protocol, origin } = new URL(given);
-    return ["http:", "https:"].includes(protocol) ? origin : "";
-  } catch {
-    return "";
-  }
-}
-
-/**
  * Talks with the page around this one.
  * @param {Session} session
  * @param {string} origin

@@ -31,23 +31,13 @@ const USUAL = {
 };
 
 /**
- * Whether a file may be a table that only has other names.
- * @param {Entry} entry
- */
-export function hasOtherColumns({ path, arrays, parsed, taken: { role } }) {
-  if (arrays || !/\.(csv|tsv|txt)$/i.test(path)) return false;
-  return parsed.state === "broken" || (parsed.state === "unknown" && role === "unknown");
-}
-
-/**
  * Asks which column is what.
+ * @param {HTMLElement} place
  * @param {Session} session
  * @param {Entry} entry
  */
-export function columnMapper(session, entry) {
-  const place = h("div", { class: "corrections column-mapper" });
-  void headerOf(entry).then((header) => fill(place, ...form(session, entry, header)));
-  return place;
+export async function askColumns(place, session, entry) {
+  fill(place, ...form(session, entry, await headerOf(entry)));
 }
 
 /**

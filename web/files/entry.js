@@ -132,6 +132,15 @@ export function isTableRole({ taken: { role } }) {
 }
 
 /**
+ * Whether a file may be a table that only has other names.
+ * @param {Entry} entry
+ */
+export function hasOtherColumns({ path, arrays, parsed, taken: { role } }) {
+  if (arrays || !/\.(csv|tsv|txt)$/i.test(path)) return false;
+  return parsed.state === "broken" || (parsed.state === "unknown" && role === "unknown");
+}
+
+/**
  * Forgets what was read from a file and gives back what that holds in the package. The file itself
  * stays.
  * @param {Entry} entry

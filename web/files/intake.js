@@ -3,14 +3,12 @@
 
 import { classify } from "../pkg/index.js";
 import { count } from "../ui/format.js";
-import { openDataset, splitDatasets } from "./containers/lerobot.js";
-import { openRecording } from "./containers/npz.js";
-import { folderOf, openVideo } from "./containers/video.js";
 import { openArchive } from "./containers/zip.js";
+import { splitDatasets } from "./datasets.js";
 import { entryOf } from "./entry.js";
 import { parseSettings } from "./model-settings.js";
 import { splitRuns } from "./runs.js";
-import { blobOf, bytesOf, mapBounded, readError } from "./sources.js";
+import { blobOf, bytesOf, folderOf, mapBounded, readError } from "./sources.js";
 
 /**
  * @typedef {import("./entry.js").Entry} Entry
@@ -192,6 +190,7 @@ async function inRecording(recording, reason, camera) {
   const container = containerOf("recording", recording.path);
   const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
   try {
+    const { openRecording } = await import("./containers/npz.js");
     const opened = await openRecording(recording, camera);
     if (!("arrays" in opened))
       return only(tableEntry(recording.path, opened, { ...taken, reason }));
@@ -249,6 +248,7 @@ function tableEntry(path, { table, space, notices }, { role, by, reason }) {
 async function inVideo(video) {
   const container = containerOf("video", video.path, folderOf(video.path));
   try {
+    const { openVideo } = await import("./containers/video.js");
     const { frames, codec, close } = await openVideo(video);
     Object.assign(container, { contents: `${count(frames.length, "frame")}, ${codec}`, close });
     return { ...NOTHING_FOUND, images: frames, containers: [container] };
@@ -259,13 +259,14 @@ async function inVideo(video) {
 }
 
 /**
- * @param {import("./containers/lerobot.js").Dataset} dataset
+ * @param {import("./datasets.js").Dataset} dataset
  * @param {string} [camera] of several the one whose frames are wanted, instead of the first
  * @returns {Promise<Found>}
  */
 async function inDataset(dataset, camera) {
   const container = containerOf("video", dataset.folder);
   try {
+    const { openDataset } = await import("./containers/lerobot.js");
     const { frames, cameras, contents, problems, close } = await openDataset(dataset, camera);
     Object.assign(container, { contents, problems, close });
     container.cameras = camerasOf(cameras, camera, (name) => inDataset(dataset, name));

@@ -5,7 +5,6 @@ import { Camera, KeypointTable, GroundTruthTable } from "../pkg/index.js";
 import { reasonOf } from "../errors.js";
 import { Extraction } from "../extraction/extraction.js";
 import { settingsText } from "./model-settings.js";
-import { arraysOf } from "./containers/npz.js";
 import { contentOf, extractionOf, isTableRole, tableOf, unread } from "./entry.js";
 import { SavedEvaluation } from "./saved.js";
 import { blobOf, bytesOf, readError } from "./sources.js";
@@ -196,6 +195,7 @@ export class Library {
       this.reopen(entry);
       if (!entry.arrays) continue;
       entry.arrays.free();
+      const { arraysOf } = await import("./containers/npz.js");
       entry.arrays = await arraysOf(entry.source);
     }
   }

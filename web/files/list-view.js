@@ -5,9 +5,8 @@ import { disclosure } from "../ui/disclosure.js";
 import { announce, byId, fill, h, icon, notice, prose } from "../ui/dom.js";
 import { baseName, count, fixed, integer, names } from "../ui/format.js";
 import { virtualList } from "../ui/virtual-list.js";
-import { columnMapper, hasOtherColumns } from "./column-mapper.js";
 import { ROLES, corrections, guessMark, sizeField, takesSize } from "./corrections.js";
-import { contentOf, tableOf } from "./entry.js";
+import { contentOf, hasOtherColumns, tableOf } from "./entry.js";
 import { modelSettings } from "./model-settings.js";
 import { liveButton, markButton } from "./openers.js";
 
@@ -192,6 +191,17 @@ function cameraField(session, container, { names, shown }) {
       ...names.map((name) => h("option", { value: name, selected: name === shown }, name)),
     ),
   );
+}
+
+/**
+ * Asks which column of a table is what, once that can be asked.
+ * @param {Session} session
+ * @param {Entry} entry
+ */
+function columnMapper(session, entry) {
+  const place = h("div", { class: "corrections column-mapper" });
+  void import("./column-mapper.js").then(({ askColumns }) => askColumns(place, session, entry));
+  return place;
 }
 
 /** @param {string[]} texts */

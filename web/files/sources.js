@@ -29,6 +29,15 @@ export async function bytesOf(source, limit) {
 }
 
 /**
+ * The path that the frames of a video lie under: that of the file without its ending, as tables
+ * name the sequence.
+ * @param {string} path
+ */
+export function folderOf(path) {
+  return path.replace(/\.[^./]*$/, "");
+}
+
+/**
  * What kept a file from being read, in words.
  * @param {unknown} error
  * @param {string} path

@@ -5,7 +5,7 @@
  */
 
 import { messageOf } from "../../errors.js";
-import { blobOf } from "../sources.js";
+import { blobOf, folderOf } from "../sources.js";
 import { mediabunny } from "./mediabunny.js";
 import { arrayOfPixels } from "./npy.js";
 
@@ -82,15 +82,6 @@ export async function openVideo(source) {
     codec: track.codec,
     close: () => reader.close(),
   };
-}
-
-/**
- * The path that the frames of a video lie under: that of the file without its ending, as tables
- * name the sequence.
- * @param {string} path
- */
-export function folderOf(path) {
-  return path.replace(/\.[^./]*$/, "");
 }
 
 /**
