@@ -258,7 +258,7 @@ async function calls(t) {
     made.add("frames", frameArray, frameArray.length);
     return made;
   };
-  const trained = new URL("../../docs/example-run/stage-10/", import.meta.url);
+  const trained = new URL("../../docs/example-run/", import.meta.url);
   const part = async (/** @type {string} */ name) => new Uint8Array(await readFile(new URL(name, trained)));
   const run = {
     config: await part("config.json"),
