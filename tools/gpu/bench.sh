@@ -30,7 +30,8 @@ tracklens=(cargo run --quiet --release --package=tracklens --features=gpu --)
 bench=(cargo bench --quiet --package=tracklens --features=gpu)
 
 cargo build --release --package=tracklens --features=gpu
-cargo test --release --package=tracklens --features=gpu --test=training gpu:: >"$work/parity" || {
+cargo test --release --package=tracklens --features=gpu --test=training gpu:: -- --nocapture \
+    >"$work/parity" || {
     cat "$work/parity"
     exit 1
 }

@@ -3,7 +3,7 @@
 
 import { readVideoEpisodes } from "../../pkg/index.js";
 import { count } from "../../ui/format.js";
-import { bytesOf } from "../sources.js";
+import { bytesOf, folderOf } from "../sources.js";
 import { load } from "./formats.js";
 import { openVideo } from "./video.js";
 
@@ -27,8 +27,9 @@ export async function openDataset({ folder, files, episodes: tables }, wanted) {
     await load(table.path, "parquet");
     episodes.push(...readVideoEpisodes(await bytesOf(table), table.path));
   }
+  const videos = new Map(files.map((file) => [folderOf(file.path), file]));
   const videoOf = (/** @type {VideoEpisode} */ { camera, video }) =>
-    files.find(({ path }) => path.replace(/\.[^./]*$/, "") === `${folder}/${camera}/${video}`);
+    videos.get(`${folder}/${camera}/${video}`);
   const cameras = [...new Set(episodes.filter(videoOf).map(({ camera }) => camera))].sort();
   if (cameras.length === 0) {
     throw new Error(
