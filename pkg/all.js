@@ -20,6 +20,7 @@ export * from "./tracklens_extraction.js";
 export * from "./tracklens_images.js";
 export * from "./tracklens_formats.js";
 export * from "./tracklens_parquet.js";
+export * from "./tracklens_zarr.js";
 export * from "./tracklens_onnx.js";
 export * from "./tracklens_temporal.js";
 export * from "./tracklens_figures.js";

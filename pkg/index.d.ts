@@ -17,8 +17,9 @@
  * The parts of the package, each a WebAssembly file of its own: `scoring` (tables, frames by path, the metric; all that
  * is not said to be of another part), `space` (the same, also of points in space: once it is loaded it takes the place of
  * `scoring`, whose objects mean nothing to it), `extraction` ({@link Encoder}), `images` ({@link imageToArray}), `formats`
- * ({@link Hdf5File}, {@link readPoints}, {@link mapColumns}), `parquet` ({@link readParquet}, {@link readVideoEpisodes}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and
- * `comparison` ({@link Comparison}).
+ * ({@link Hdf5File}, {@link readPoints}, {@link mapColumns}), `parquet` ({@link readParquet}, {@link readVideoEpisodes}),
+ * `zarr` ({@link ZarrFile}), `onnx` ({@link Detector}), `temporal` ({@link temporalQuality}), `figures` and `comparison`
+ * ({@link Comparison}).
  */
 export type Part =
   | "scoring"
@@ -28,6 +29,7 @@ export type Part =
   | "images"
   | "formats"
   | "parquet"
+  | "zarr"
   | "onnx"
   | "temporal"
   | "figures"
@@ -47,6 +49,7 @@ export function compile(part: Part): Promise<WebAssembly.Module>;
  *
  * - `missingImageSize`: positions are in pixels and `imageSize` is not known. Nothing else is wrong with the file: with
  *   {@link TableOptions.imageSize} it can be parsed.
+ * - `unknownUnit`: positions are in the unit of a simulator; with {@link TableOptions.space} they can be parsed.
  * - `nonFinite`: a keypoint is missing or not finite in a frame; `new Scoring(…, "exclude-frame")` leaves such frames out.
  * - `missingPoints`: `missing` of `points` positions are missing.
  * - `looksLikePixels`: `coordinates` lie far outside the image; `space: "px"` reads them as pixels.
@@ -62,6 +65,7 @@ export function compile(part: Part): Promise<WebAssembly.Module>;
  */
 export type Reason =
   | { type: "missingImageSize" }
+  | { type: "unknownUnit" }
   | { type: "nonFinite"; keypoint: number }
   | { type: "missingPoints"; missing: number; points: number }
   | { type: "looksLikePixels"; coordinates: number }
@@ -328,20 +332,25 @@ export function readVideoEpisodes(file: Uint8Array, name: string): VideoEpisode[
 /** Whether it is the beginning of a Parquet file. Needs no part. */
 export function needsParquet(file: Uint8Array): boolean;
 
-/**
- * An HDF5 file of any size, of which `read` gives what is asked for; e.g. by `FileReaderSync` in a worker. Part `formats`.
- */
-export class Hdf5File {
-  private constructor();
-  /**
-   * Opens a file of `size` bytes; `read` gives the `length` bytes from `start` on. `camera` names the array of frames, where there
-   * are several.
-   */
-  static open(read: (start: number, length: number) => Uint8Array, size: number, name: string, camera?: string): Hdf5File;
-  /** The cameras that have frames, where one has to be chosen. */
+/** An array of a recording. */
+export interface Candidate {
+  name: string;
+  shape: number[];
+}
+
+/** A recording of any size, of which is read what is asked for. */
+export interface RecordingFile {
+  /** The cameras that have frames, where there are several. */
   readonly cameras: string[];
   /** The points, as {@link readPoints} gives them; `null` where there are frames and no points. */
   points(): FormatPoints | null;
+  /** The arrays that may hold the positions of objects, for {@link RecordingFile.named}; of episodes those of the first. */
+  candidates(): Candidate[];
+  /**
+   * The positions of the objects that `columns` names, each with its array or some numbers of its rows, as
+   * `eef=obs/robot0_eef_pos,block=state[2:4]`: a table, in a unit that the file does not say.
+   */
+  named(columns: string): FormatPoints;
   /** Why the frames cannot be used; empty where they can, and where there are none. */
   readonly problem: string;
   /** The frames, each in the folder of its sequence, for {@link FrameIndex.ofAll}. */
@@ -350,6 +359,38 @@ export class Hdf5File {
   frame(i: number): Uint8Array;
   free(): void;
 }
+
+/**
+ * An HDF5 file of which `read` gives what is asked for; e.g. by `FileReaderSync` in a worker. Part `formats`.
+ */
+export class Hdf5File {
+  private constructor();
+  /**
+   * Opens a file of `size` bytes; `read` gives the `length` bytes from `start` on. `camera` names the array of frames, where there
+   * are several; without it, it is the first.
+   */
+  static open(read: (start: number, length: number) => Uint8Array, size: number, name: string, camera?: string): Hdf5File;
+}
+export interface Hdf5File extends RecordingFile {}
+
+/** A Zarr hierarchy, version 2 or 3, of which `read` gives what is asked for. Part `zarr`. */
+export class ZarrFile {
+  private constructor();
+  /**
+   * Opens a folder by the `paths` of its files from its root and their `sizes` in bytes; `read` gives the bytes of the file with
+   * that number. `camera` as for {@link Hdf5File.open}.
+   */
+  static open(
+    read: (file: number) => Uint8Array,
+    paths: string[],
+    sizes: Float64Array,
+    name: string,
+    camera?: string,
+  ): ZarrFile;
+  /** Opens a ZIP archive, as {@link Hdf5File.open} opens a file. */
+  static openArchive(read: (start: number, length: number) => Uint8Array, size: number, name: string, camera?: string): ZarrFile;
+}
+export interface ZarrFile extends RecordingFile {}
 
 /**
  * A table whose columns have other names, with those that are expected: `columns` stand in the place of `expected`, nothing

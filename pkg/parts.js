@@ -11,8 +11,9 @@ import parquet from "./tracklens_parquet.js";
 import { loadSpace as space } from "./scoring.js";
 import scoring from "./tracklens_scoring.js";
 import temporal from "./tracklens_temporal.js";
+import zarr from "./tracklens_zarr.js";
 
-const LOADERS = { scoring, space, doctor, extraction, images, formats, parquet, onnx, temporal, figures, comparison };
+const LOADERS = { scoring, space, doctor, extraction, images, formats, parquet, zarr, onnx, temporal, figures, comparison };
 
 /** Whether it is the beginning of a JPEG or WebP image, which the part `images` has to decode. */
 export function needsDecoding(image) {

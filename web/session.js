@@ -24,7 +24,7 @@ import {
   unread,
 } from "./files/entry.js";
 import { decodeImage } from "./files/image-cache.js";
-import { identify } from "./files/intake.js";
+import { identify, namedObjects } from "./files/intake.js";
 import { Library } from "./files/library.js";
 import { Problems, askForReading, readingKey } from "./files/problems.js";
 import { applyRemedy, labelOf, remedyOf } from "./files/remedies.js";
@@ -439,6 +439,21 @@ export class Session extends EventTarget {
       if (!alive()) return giveBack(found);
       this.library.dropContainer(container);
       this.library.take(found);
+    });
+  }
+
+  /**
+   * Takes arrays of a recording as objects.
+   * @param {Container} container
+   * @param {string} columns which array is which object
+   * @param {import("./pkg/index.js").TableOptions} options their unit
+   * @throws {Error} where there are no such arrays
+   */
+  async nameObjects(container, columns, options) {
+    const entry = await namedObjects(container, columns, options);
+    if (!entry) return;
+    await this.#change(async () => {
+      this.library.takeNamed(entry);
     });
   }
 

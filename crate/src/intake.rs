@@ -87,12 +87,6 @@ fn role_of(path: &str, head: &[u8]) -> (Role, String, bool) {
             Role::Recording,
             format!("points, by its ending `.{ending}`"),
         ),
-        "zip" if file.to_ascii_lowercase().ends_with(".zarr.zip") => sure(
-            Role::Unknown,
-            "Zarr files are for the terminal: `tracklens data convert FILE OUT.npz` makes an NPZ file \
-             of one"
-                .to_owned(),
-        ),
         "zip" if Format::of(head).is_none() => sure(
             Role::Archive,
             "a ZIP archive, by its ending `.zip`".to_owned(),

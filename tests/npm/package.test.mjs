@@ -517,6 +517,46 @@ test("frames of an HDF5 file are read by slices", async () => {
   assert.throws(() => cut.points(), /recording\.hdf5/);
 });
 
+test("a Zarr hierarchy is read from the files of its folder and from an archive", async () => {
+  const name = "replay.zarr";
+  const archive = await readFile(new URL("../public/files/replay.zarr.zip", import.meta.url));
+  const read = (start, length) => new Uint8Array(archive.subarray(start, start + length));
+  const whole = tracklens.ZarrFile.openArchive(read, archive.length, name);
+  const { entries } = tracklens.readArchive(new Uint8Array(archive), archive.length, name);
+  // Those of Zarr are stored as they are, behind a header of 30 bytes, its name and no more.
+  const files = entries.map(({ path, offset, packed }) => {
+    const start = offset + 30 + Buffer.byteLength(path);
+    return { path: path.slice(name.length + 1), bytes: archive.subarray(start, start + packed) };
+  });
+  const asked = [];
+  const ofFolder = tracklens.ZarrFile.open(
+    (i) => {
+      asked.push(files[i].path);
+      return new Uint8Array(files[i].bytes);
+    },
+    files.map(({ path }) => path),
+    Float64Array.from(files, ({ bytes }) => bytes.length),
+    name,
+  );
+  for (const opened of [whole, ofFolder]) {
+    assert.equal(opened.problem, "");
+    assert.deepEqual(opened.cameras, []);
+    assert.match(opened.paths[0], /^episode_0\/frame_/);
+    const points = opened.points();
+    assert.deepEqual(points.arrays.map(({ name }) => name).sort(), ["episode_ends", "keypoint"]);
+    assert.ok(opened.candidates().some(({ name }) => name === "state"));
+  }
+  assert.deepEqual(ofFolder.frame(3), whole.frame(3));
+  assert.ok(asked.some((path) => path.startsWith("data/img/")));
+  const table = new TextDecoder().decode(ofFolder.named("nose=state[0:2]").table);
+  assert.match(table, /^sequence,frame,object,x,y\nepisode_0,0,nose,/);
+  assert.throws(() => ofFolder.named("nose=nothing"), /there is no array `nothing`/);
+  const gone = tracklens.ZarrFile.open(() => undefined, ["a/.zarray"], Float64Array.of(9), name);
+  assert.match(gone.problem, /`a\/.zarray`: it cannot be read/);
+  assert.throws(() => tracklens.ZarrFile.openArchive(() => new Uint8Array(), 99, name), /replay\.zarr/);
+  for (const opened of [whole, ofFolder, gone]) opened.free();
+});
+
 test("latent points are placed in an image by the configuration of their encoder", async () => {
   const { encoder } = await extractAll();
   // Three pools make 33 cells of 256 pixels, from pixel -3.5 to 252.5.
@@ -553,7 +593,7 @@ test("a worker loads one part alone, from a module that was compiled elsewhere",
   assert.deepEqual(found.points, here.points);
   assert.equal(found.scoring, false);
   assert.ok(found.memory > 2 ** 20);
-  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, space, doctor, extraction, images, formats, parquet, onnx, temporal, figures, comparison/);
+  await assert.rejects(init(["scorign"]), /no part "scorign"; expected scoring, space, doctor, extraction, images, formats, parquet, zarr, onnx, temporal, figures, comparison/);
 });
 
 test("foreign ONNX models find what ONNX Runtime finds", async () => {
@@ -598,9 +638,9 @@ test("what a browser downloads stays small", async () => {
   const pkg = new URL("../../pkg/", import.meta.url);
   const sent = async (file) => gzipSync(await readFile(new URL(file, pkg)), { level: 9 }).length;
   // What has to be there before the page can be used, what a score waits for, what workers load,
-  // what comes with the first points in space, JPEG or WebP image, HDF5 file or pickle, ONNX model,
-  // score, and runs.
-  for (const [part, limit] of Object.entries({ scoring: 320_000, space: 356_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 330_000, parquet: 250_000, onnx: 700_000, temporal: 150_000, figures: 200_000, comparison: 340_000 })) {
+  // what comes with the first points in space, JPEG or WebP image, HDF5 file or pickle, Parquet file,
+  // Zarr hierarchy, ONNX model, score, and runs.
+  for (const [part, limit] of Object.entries({ scoring: 320_000, space: 356_000, doctor: 100_000, extraction: 300_000, images: 250_000, formats: 330_000, parquet: 250_000, zarr: 800_000, onnx: 700_000, temporal: 150_000, figures: 200_000, comparison: 340_000 })) {
     const size = (await sent(`tracklens_${part}_bg.wasm`)) + (await sent(`tracklens_${part}.js`));
     assert.ok(size <= limit, `${part} is ${size} bytes gzipped; expected at most ${limit}`);
   }

@@ -10,7 +10,7 @@ const folder = new URL("../public/", import.meta.url);
 const read = async (path) => new Uint8Array(await readFile(new URL(`files/${path}`, folder)));
 const { cases, truth, keypoints } = JSON.parse(await readFile(new URL("expected.json", folder), "utf8"));
 
-before(() => init(["scoring", "formats", "parquet"]));
+before(() => init(["scoring", "formats", "parquet", "zarr"]));
 
 /** The options of a case as the package takes them. */
 function given({ space, axis_order: axisOrder, index_base: indexBase, image_size: imageSize }) {
@@ -18,16 +18,22 @@ function given({ space, axis_order: axisOrder, index_base: indexBase, image_size
   return Object.fromEntries(all.filter(([, value]) => value !== undefined));
 }
 
-/** What a file of another program holds: HDF5 by slices, pickles, and Parquet by a part of its own. */
-function foreign(bytes, file) {
-  const { Hdf5File, needsFormats, needsParquet, readParquet, readPoints } = tracklens;
+/**
+ * What a file of another program holds: HDF5 and Zarr by slices, pickles, and Parquet by a part of
+ * its own. `columns` name arrays of a recording.
+ */
+function foreign(bytes, file, columns) {
+  const { Hdf5File, ZarrFile, needsFormats, needsParquet, readParquet, readPoints } = tracklens;
+  const isZarr = file.endsWith(".zarr.zip");
   if (needsParquet(bytes)) return readParquet(bytes, file);
-  if (!needsFormats(bytes)) return null;
-  if (bytes[0] !== 0x89) return readPoints(bytes, file);
+  if (!isZarr && !needsFormats(bytes)) return null;
+  if (!isZarr && bytes[0] !== 0x89) return readPoints(bytes, file);
   const read = (start, length) => bytes.slice(start, start + length);
-  const opened = Hdf5File.open(read, bytes.length, file);
+  const open = isZarr ? ZarrFile.openArchive : Hdf5File.open;
+  const opened = open(read, bytes.length, file);
   try {
-    return opened.points();
+    const isTable = columns && opened.candidates().length === 0;
+    return columns && !isTable ? { ...opened.named(columns), isNamed: true } : opened.points();
   } finally {
     opened.free();
   }
@@ -42,13 +48,13 @@ function open(bytes, file, isTruth, options, columns) {
     arrays.add("keypoints", bytes, bytes.length);
     return { table: ofArrays(arrays), told: [] };
   }
-  const found = foreign(bytes, file);
+  const found = foreign(bytes, file, columns);
   if (found?.arrays) {
     for (const { name, bytes } of found.arrays) arrays.add(name, bytes, bytes.length);
     return { table: ofArrays(arrays), told: [] };
   }
   let text = found?.table ?? bytes;
-  if (columns) {
+  if (columns && !found?.isNamed) {
     const names = columns.split(",").map((pair) => pair.split("="));
     const [expected, given] = [0, 1].map((i) => names.map((pair) => pair[i]));
     text = mapColumns(text, file, expected, given, !isTruth);

@@ -101,8 +101,7 @@ def case(name, content, role="truth", options=None, points=None, refused=None, n
     found = {"file": name, "role": role, "options": options or {}, "notes": list(notes)}
     if beside is not None:
         found["beside"] = beside
-    names_arrays = name.endswith(".hdf5") and "columns" in found["options"]
-    if names_arrays or name.endswith(".zarr.zip") or (name.endswith(".npz") and beside is not None):
+    if name.endswith(".npz") and beside is not None:
         found["terminal_only"] = True
     if "zstd.parquet" in name:
         found["refused_by_page"] = "packed by Zstandard"

@@ -8,10 +8,10 @@ use std::io::Cursor;
 
 use tracklens::checkpoint::Checkpoint;
 use tracklens::data::{
-    ArchiveIndex, Frame, FrameSource as _, Hdf5Points, NpyArray, Recording, Space, TableOptions,
-    ZIP_MAGIC, ZarrStore, ZipStore, export_parquet, export_pickle, ground_truth_of_arrays,
-    keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
-    parse_npz_keypoints, read_video_episodes, read_zarr_ground_truth,
+    ArchiveIndex, Frame, FrameSource as _, NpyArray, PointFile, Recording, Space, StoredPoints,
+    TableOptions, ZIP_MAGIC, ZarrStore, ZipStore, export_parquet, export_pickle,
+    ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
+    parse_npz_ground_truth, parse_npz_keypoints, read_video_episodes, read_zarr_ground_truth,
 };
 use tracklens::detector::{Graph, Plan, Settings};
 use tracklens::evaluation::EvaluationReport;
@@ -112,11 +112,11 @@ fn hdf5(bytes: &[u8]) {
 
 /// Tables of pandas and SLEAP, and arrays of points.
 fn hdf5_points(bytes: &[u8]) {
-    match Hdf5Points::of_bytes(bytes.to_vec()) {
-        Ok(Hdf5Points::Table(table)) => {
+    match PointFile::from_hdf5_bytes(bytes.to_vec()).and_then(|file| file.stored()) {
+        Ok(StoredPoints::Table(table)) => {
             let _ = black_box(table.ground_truth("points.h5", &with_size()));
         }
-        Ok(Hdf5Points::Arrays { arrays, .. }) => {
+        Ok(StoredPoints::Arrays { arrays, .. }) => {
             let _ = black_box(ground_truth_of_arrays(arrays, &with_size()));
         }
         Err(_) => {}

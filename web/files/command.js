@@ -27,6 +27,7 @@ export function commandInputs(library, frames) {
     ...(camera ? { camera: camera.path } : {}),
     options: [
       ...readingWords(truth, "--"),
+      ...(truth?.columns ? [table ? "--columns" : "--truth-columns", truth.columns] : []),
       ...(isFlat ? ["--xy-only"] : []),
       ...(table ? readingWords(table, "--keypoints-", truth) : []),
       ...(table ? [] : settingsWords(library.used("checkpoint")?.settings ?? {})),
@@ -50,12 +51,13 @@ export function commandInputs(library, frames) {
  * @param {Entry | null} [other] the table whose axis order holds for this one, too, in the terminal
  */
 function readingWords(entry, prefix, other) {
-  const { space, axisOrder, indexBase, flip, zeroIsMissing } = entry?.options ?? {};
+  const { space, axisOrder, indexBase, flip, zeroIsMissing, imageSize } = entry?.options ?? {};
   const own = tableOf(entry)?.reading.axisOrder.value;
   const inherited = other?.options.axisOrder;
   const axes = axisOrder ?? (inherited === own ? undefined : inherited && own);
   return [
     ...(space ? [`${prefix}space`, space] : []),
+    ...(imageSize ? ["--image-size", imageSize.join("x")] : []),
     ...(axes ? [`${prefix}axis-order`, axes] : []),
     ...(indexBase === undefined ? [] : [`${prefix}index-base`, String(indexBase)]),
     ...(flip ? [`${prefix}flip`, flip] : []),

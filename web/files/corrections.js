@@ -203,6 +203,7 @@ function shiftChoices(session, entry) {
  * @param {Entry} entry
  */
 export function takesSize({ frameSize, saidSize }, entry) {
+  if (hasOwnBoard(entry)) return true;
   if (frameSize) return false;
   const { parsed } = entry;
   if (parsed.state === "broken") return parsed.cause?.type === "missingImageSize";
@@ -210,11 +211,28 @@ export function takesSize({ frameSize, saidSize }, entry) {
 }
 
 /**
- * Width and height of images that are not here.
+ * Whether positions lie on the board of a simulator, which need not have the size of the images.
+ * @param {Entry} entry
+ */
+function hasOwnBoard({ parsed, options }) {
+  const isAsked = parsed.state === "broken" && parsed.cause?.type === "unknownUnit";
+  return isAsked || options.imageSize !== undefined;
+}
+
+/**
+ * Width and height of images that are not here, or of a simulator's board.
  * @param {Session} session
  * @param {Entry} entry
  */
-export function sizeField(session, { path }) {
+export function sizeField(session, entry) {
+  const { path } = entry;
+  const isBoard = hasOwnBoard(entry);
+  const what = isBoard ? "Board" : "Image";
+  const given = isBoard ? entry.options.imageSize : session.saidSize;
+  const set = (/** @type {[number, number] | undefined} */ size) =>
+    isBoard
+      ? session.setTableOptions(entry, { space: size && "px", imageSize: size })
+      : session.setImageSize(size);
   const hint = h("span", { class: "hint", role: "status" });
   const side = (/** @type {"width" | "height"} */ name, /** @type {number | undefined} */ value) =>
     h("input", {
@@ -223,14 +241,11 @@ export function sizeField(session, { path }) {
       min: "1",
       step: "1",
       inputMode: "numeric",
-      "aria-label": `Image ${name} in pixels, for ${baseName(path)}`,
+      "aria-label": `${what} ${name} in pixels, for ${baseName(path)}`,
       value: value === undefined ? "" : String(value),
       onchange: () => take(),
     });
-  const [width, height] = [
-    side("width", session.saidSize?.[0]),
-    side("height", session.saidSize?.[1]),
-  ];
+  const [width, height] = [side("width", given?.[0]), side("height", given?.[1])];
   const take = () => {
     const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
     const isSide = (/** @type {number} */ pixels) => Number.isInteger(pixels) && pixels > 0;
@@ -240,13 +255,13 @@ export function sizeField(session, { path }) {
     for (const [i, input] of [width, height].entries()) {
       input.setAttribute("aria-invalid", String(input.value !== "" && !isSide(size[i])));
     }
-    const isTakenBack = width.value === "" && height.value === "" && session.saidSize !== undefined;
-    if (isValid || isTakenBack) void session.setImageSize(isValid ? size : undefined);
+    const isTakenBack = width.value === "" && height.value === "" && given !== undefined;
+    if (isValid || isTakenBack) void set(isValid ? size : undefined);
   };
   return h(
     "fieldset",
     { class: "image-size" },
-    h("legend", {}, "Size of the images"),
+    h("legend", {}, isBoard ? "Size of the simulator's board" : "Size of the images"),
     h("span", { class: "image-size-sides" }, width, "×", height, "px"),
     hint,
   );

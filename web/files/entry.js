@@ -43,6 +43,7 @@
  * @property {import("./model-settings.js").Settings} settings what is said of an ONNX model
  * @property {string[]} told of how the file became a table, where it was something else
  * @property {boolean} isMapped whether its columns were renamed, which no command repeats
+ * @property {string} columns which arrays of a recording are which objects, where the user said it
  * @property {Partial<import("../pkg/index.js").Alignment>} alignment of a ground truth: what is
  * added to its numbers
  * @property {number | null} marked how many frames of it are marked by hand so far, where it is made
@@ -70,6 +71,7 @@ export function entryOf(source, taken, arrays = null) {
     settings: {},
     told: [],
     isMapped: false,
+    columns: "",
     alignment: {},
     marked: null,
     wanted: false,

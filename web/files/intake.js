@@ -23,6 +23,7 @@ import { blobOf, bytesOf, folderOf, mapBounded, readError } from "./sources.js";
  * @property {string} error why it cannot be used at all; empty once the user has dismissed it
  * @property {string[]} problems what of it cannot be used
  * @property {Cameras} [cameras] where there are several
+ * @property {import("./containers/npz.js").Objects} [objects] arrays that may be objects
  * @property {() => void} close gives back what reading from it holds
  *
  * The cameras of a recording, of which one is shown; `open` opens the recording with another.
@@ -57,11 +58,12 @@ const NOTHING_FOUND = {
  * @param {Source[]} sources
  * @param {(done: number, total: number) => void} onProgress
  * @param {number} [depth] of archives around them
+ * @param {{ path: string, blob: Blob }} [archive] the one that they lie in
  * @returns {Promise<Found>}
  */
-export async function identify(sources, onProgress, depth = 0) {
+export async function identify(sources, onProgress, depth = 0, archive) {
   const { runs, rest: withoutRuns } = splitRuns(sources);
-  const { datasets, rest } = splitDatasets(withoutRuns);
+  const { datasets, rest } = splitDatasets(withoutRuns, archive);
   /** @type {Found} */
   const found = { images: [], entries: [], containers: [], runs, settings: new Map() };
   const others = [];
@@ -77,7 +79,7 @@ export async function identify(sources, onProgress, depth = 0) {
     return part;
   });
   for (const dataset of datasets) {
-    parts.push(await inDataset(dataset));
+    parts.push(await (dataset.kind === "zarr" ? inZarr(dataset) : inVideos(dataset)));
     done += dataset.files.length;
     onProgress(done, sources.length);
   }
@@ -151,7 +153,7 @@ function containerOf(kind, path, folder = path) {
 }
 
 /**
- * @param {Source} archive
+ * @param {{ path: string, blob: Blob }} archive
  * @param {number} depth
  * @returns {Promise<Found>}
  */
@@ -173,47 +175,76 @@ async function inArchive(archive, depth) {
     if (sources.length === 0 && problems.length > 0) {
       throw new Error(`no file in ${path} can be unpacked: ${problems[0]}`);
     }
-    found = await identify(sources, () => {}, depth + 1);
+    found = await identify(sources, () => {}, depth + 1, archive);
   } catch (error) {
     container.error = readError(error, path);
   }
-  return { ...found, containers: [container, ...found.containers] };
+  // An archive that is a recording is shown as that.
+  const isShown = found.containers.some((inner) => inner.path === path);
+  return { ...found, containers: isShown ? found.containers : [container, ...found.containers] };
 }
 
 /**
  * @param {Source} recording
  * @param {string} reason
+ * @returns {Promise<Found>}
+ */
+function inRecording(recording, reason) {
+  return inOpened(recording, reason, async (camera) => {
+    const { openRecording } = await import("./containers/npz.js");
+    return openRecording(recording, camera);
+  });
+}
+
+/**
+ * @param {import("./datasets.js").ZarrHierarchy} hierarchy
+ * @returns {Promise<Found>}
+ */
+function inZarr(hierarchy) {
+  const source = { path: hierarchy.folder, read: async () => new Blob() };
+  return inOpened(source, "a Zarr hierarchy, by its files", async (camera) => {
+    const { openZarr } = await import("./containers/zarr.js");
+    return openZarr(hierarchy, camera);
+  });
+}
+
+/**
+ * @param {Source} recording
+ * @param {string} reason
+ * @param {(camera?: string) => Promise<import("./containers/npz.js").Recording |
+ * import("./containers/npz.js").Table>} open
  * @param {string} [camera] of several the one whose frames are wanted, instead of the first
  * @returns {Promise<Found>}
  */
-async function inRecording(recording, reason, camera) {
-  const container = containerOf("recording", recording.path);
+async function inOpened(recording, reason, open, camera) {
+  const { path } = recording;
+  const container = containerOf("recording", path);
   const taken = /** @type {const} */ ({ role: "ground-truth", by: "guess" });
   try {
-    const { openRecording } = await import("./containers/npz.js");
-    const opened = await openRecording(recording, camera);
-    if (!("arrays" in opened))
-      return only(tableEntry(recording.path, opened, { ...taken, reason }));
-    const { frames, arrays, table, error, cameras, close } = opened;
+    const opened = await open(camera);
+    if (!("arrays" in opened)) return only(tableEntry(path, opened, { ...taken, reason }));
+    const { frames, arrays, table, error, cameras, close, kept, objects } = opened;
     if (close) container.close = close;
     container.contents = frames.length > 0 ? count(frames.length, "frame") : "no frames";
     container.cameras = camerasOf(cameras ?? [], camera, (name) =>
-      inRecording(recording, reason, name),
+      inOpened(recording, reason, open, name),
     );
+    container.objects = objects;
     if (error) container.problems.push(error);
     const entries = [];
     if (table) {
-      entries.push(tableEntry(recording.path, table, { ...taken, reason }));
+      entries.push(tableEntry(path, table, { ...taken, reason }));
       container.contents += " and points";
       arrays.free();
     } else if (arrays.hasPoints) {
       const grounds = `points of a recording; ${reason}`;
-      entries.push(entryOf(recording, { ...taken, reason: grounds }, arrays));
+      const source = kept ? { path, blob: kept } : recording;
+      entries.push(entryOf(source, { ...taken, reason: grounds }, arrays));
       container.contents += " and points";
     } else arrays.free();
     return { ...NOTHING_FOUND, images: frames, entries, containers: [container] };
   } catch (error) {
-    container.error = readError(error, recording.path);
+    container.error = readError(error, path);
     return { ...NOTHING_FOUND, containers: [container] };
   }
 }
@@ -226,6 +257,27 @@ async function inRecording(recording, reason, camera) {
  */
 function camerasOf(names, chosen, open) {
   return names.length > 1 ? { names, shown: chosen ?? names[0], open } : undefined;
+}
+
+/**
+ * The objects that a person named in a recording.
+ * @param {Container} container
+ * @param {string} columns
+ * @param {import("./entry.js").Entry["options"]} options
+ * @returns {Promise<Entry | null>}
+ */
+export async function namedObjects({ path, objects }, columns, options) {
+  const table = await objects?.read(columns);
+  if (!table) return null;
+  const taken = /** @type {const} */ ({ role: "ground-truth", by: "said", reason: "" });
+  const entry = tableEntry(path, table, taken);
+  return {
+    ...entry,
+    taken: { ...taken, reason: "its arrays as you said" },
+    options,
+    columns,
+    wanted: true,
+  };
 }
 
 /**
@@ -259,17 +311,17 @@ async function inVideo(video) {
 }
 
 /**
- * @param {import("./datasets.js").Dataset} dataset
+ * @param {import("./datasets.js").LeRobotVideos} dataset
  * @param {string} [camera] of several the one whose frames are wanted, instead of the first
  * @returns {Promise<Found>}
  */
-async function inDataset(dataset, camera) {
+async function inVideos(dataset, camera) {
   const container = containerOf("video", dataset.folder);
   try {
     const { openDataset } = await import("./containers/lerobot.js");
     const { frames, cameras, contents, problems, close } = await openDataset(dataset, camera);
     Object.assign(container, { contents, problems, close });
-    container.cameras = camerasOf(cameras, camera, (name) => inDataset(dataset, name));
+    container.cameras = camerasOf(cameras, camera, (name) => inVideos(dataset, name));
     return { ...NOTHING_FOUND, images: frames, containers: [container] };
   } catch (error) {
     container.error = readError(error, dataset.folder);

@@ -287,7 +287,8 @@ export class Library {
    * @returns {Promise<Content>}
    */
   async #read({ path, source, arrays, options, settings }, role, imageSize) {
-    const given = { ...options, imageSize };
+    // The positions of a simulator lie on a board of their own.
+    const given = { imageSize, ...options };
     switch (role) {
       case "checkpoint": {
         const given = { path, blob: await blobOf(source), settings: settingsText(settings) };
@@ -314,6 +315,17 @@ export class Library {
       const entry = this.entries.find((entry) => entry.path === path);
       if (entry) this.setModel(entry, said);
     }
+  }
+
+  /**
+   * Takes what the user named in a recording, which is read as the user says now.
+   * @param {Entry} entry
+   */
+  takeNamed(entry) {
+    const { options } = entry;
+    this.#takeEntry(entry);
+    entry.options = options;
+    entry.wanted = true;
   }
 
   /** @param {Entry} entry */

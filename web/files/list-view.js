@@ -150,7 +150,7 @@ function sequenceRow(session, sequence) {
  * @param {Container} container
  */
 function containerItem(session, container) {
-  const { path, kind, contents, cameras, error, problems } = container;
+  const { path, kind, contents, cameras, objects, error, problems } = container;
   const title = CONTAINERS[kind];
   const data = { state: error ? "broken" : "used", path };
   const remove = removeButton(
@@ -167,6 +167,13 @@ function containerItem(session, container) {
     contents && h("p", { class: "file-reason" }, contents),
     cameras && cameraField(session, container, cameras),
     problems.length > 0 && noticeList([...problems.slice(0, LISTED_PROBLEMS), ...more]),
+    objects &&
+      disclosure(`objects ${path}`, ["Say which arrays are objects"], () =>
+        later(async () => {
+          const { objectMapper } = await import("./object-mapper.js");
+          return objectMapper(session, container, objects);
+        }),
+      ),
     error && notice("error", error, { isQuiet: true }),
   ]);
 }
@@ -191,6 +198,16 @@ function cameraField(session, container, { names, shown }) {
       ...names.map((name) => h("option", { value: name, selected: name === shown }, name)),
     ),
   );
+}
+
+/**
+ * What is shown once it is there.
+ * @param {() => Promise<HTMLElement>} load
+ */
+function later(load) {
+  const place = h("div", {});
+  void load().then((element) => place.append(element));
+  return place;
 }
 
 /**

@@ -20,7 +20,7 @@ use crate::workspace::Workspace;
 
 /// The parts of the package, each a WebAssembly module with its script, by the feature that makes
 /// it.
-pub const PARTS: [Part; 11] = [
+pub const PARTS: [Part; 12] = [
     Part {
         name: "tracklens_scoring",
         feature: "web-scoring",
@@ -55,11 +55,17 @@ pub const PARTS: [Part; 11] = [
         name: "tracklens_formats",
         feature: "web-formats",
         profile: "wasm",
-        aim: Aim::Size,
+        aim: Aim::LeastSize,
     },
     Part {
         name: "tracklens_parquet",
         feature: "web-parquet",
+        profile: "wasm",
+        aim: Aim::LeastSize,
+    },
+    Part {
+        name: "tracklens_zarr",
+        feature: "web-zarr",
         profile: "wasm",
         aim: Aim::LeastSize,
     },

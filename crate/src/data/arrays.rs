@@ -1,5 +1,7 @@
 //! Files of named arrays, whatever their format.
 
+#[cfg(any(feature = "hdf5", feature = "zarr"))]
+use super::export::Export;
 use super::reading::AxisOrder;
 use crate::error::{Error, Result};
 use crate::memory;
@@ -111,6 +113,12 @@ pub(super) trait ArrayFile: Send + Sync {
     /// The bytes of the file, where what it holds is unpacked when it is read.
     fn size(&self) -> Option<u64> {
         None
+    }
+
+    /// The table of a program that keeps its points as records.
+    #[cfg(any(feature = "hdf5", feature = "zarr"))]
+    fn export(&self) -> Result<Option<Export>> {
+        Ok(None)
     }
 
     /// The axis order that the file itself states.

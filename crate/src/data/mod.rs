@@ -4,6 +4,8 @@
 mod archive;
 mod archive_name;
 mod arrays;
+#[cfg(any(feature = "hdf5", feature = "zarr"))]
+mod as_npy;
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 mod blocks;
 #[cfg(feature = "space")]
@@ -46,6 +48,8 @@ pub use archive::{
     ArchiveEntry, ArchiveIndex, MAX_ENTRIES, MAX_ENTRY, MAX_RATIO, RATIO_FROM,
     TAIL as ARCHIVE_TAIL, ZIP_MAGIC,
 };
+#[cfg(any(feature = "hdf5", feature = "zarr"))]
+pub use as_npy::{PointFile, StoredPoints};
 #[cfg(all(feature = "engine", not(target_arch = "wasm32")))]
 pub(crate) use blocks::for_blocks;
 #[cfg(feature = "space")]
@@ -53,7 +57,7 @@ pub use camera::{Camera, Projected};
 pub use export::Export;
 pub use frames::{FrameIndex, SequenceRange, ranges};
 #[cfg(feature = "hdf5")]
-pub use hdf5::{HDF5_MAGIC, Hdf5Points, Ranges, read_hdf5_ground_truth, read_hdf5_keypoints};
+pub use hdf5::{HDF5_MAGIC, Ranges, read_hdf5_ground_truth, read_hdf5_keypoints};
 #[cfg(feature = "train")]
 pub(crate) use image::planes;
 pub use image::{Frame, MAX_SIDE, MIN_SIDE, OVERSHOOT, Pixels};

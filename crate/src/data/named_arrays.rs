@@ -8,7 +8,7 @@ use ndarray::{Array3, Axis, s};
 use super::arrays::{ArrayFile, check_declared, listed};
 use super::memory::PointSequences;
 use super::points::{episode_names, floats, sequence_names};
-use super::reading::{Parsed, TableOptions};
+use super::reading::{Parsed, Space, TableOptions};
 use super::sequences::{Sequences, Within};
 use super::table::Columns;
 use crate::error::{Error, Reason, Result};
@@ -62,11 +62,7 @@ impl Part {
                 info.dtype, info.shape
             ))
         };
-        let sizes = match info.shape[..] {
-            [t, n] | [t, 1, n] => [1, t, n],
-            [s, t, n] if !sequences.have_one_each() => [s, t, n],
-            _ => return Err(wrong()),
-        };
+        let sizes = sizes(&info.shape, sequences).ok_or_else(wrong)?;
         if info.kind.is_none() {
             return Err(wrong());
         }
@@ -85,6 +81,43 @@ impl Part {
     }
 }
 
+/// The most numbers of a frame in which positions are looked for: more are an image or a map.
+const MOST_NUMBERS: u64 = 256;
+
+/// The arrays that may hold positions, with their shapes, as [`ground_truth`] names them: numbers,
+/// some of each frame. Of episodes those of the first.
+pub(super) fn candidates(file: &dyn ArrayFile) -> Result<Vec<(String, Vec<u64>)>> {
+    let sequences = Sequences::of(file)?;
+    let group = match &sequences {
+        Sequences::Axis => "",
+        Sequences::Groups(episodes) => &episodes[0].path,
+        Sequences::Ends { group, .. } => group,
+    };
+    let group = group.to_owned();
+    let place = Within { file, group };
+    let mut found = Vec::new();
+    for name in sequences.names(file)? {
+        let Some(info) = place.info(&name)? else {
+            continue;
+        };
+        let numbers = sizes(&info.shape, &sequences).map(|[.., numbers]| numbers);
+        let is_few = numbers.is_some_and(|numbers| (2..=MOST_NUMBERS).contains(&numbers));
+        if is_few && info.kind.is_some() {
+            found.push((name, info.shape));
+        }
+    }
+    Ok(found)
+}
+
+/// Sequences, frames and numbers of an array of this shape; `None` where it has other axes.
+fn sizes(shape: &[u64], sequences: &Sequences) -> Option<[u64; 3]> {
+    match *shape {
+        [t, n] | [t, 1, n] => Some([1, t, n]),
+        [s, t, n] if !sequences.have_one_each() => Some([s, t, n]),
+        _ => None,
+    }
+}
+
 /// The objects that `columns` names, each with its array, as `eef=obs/robot0_eef_pos`; of
 /// robomimic's episodes the arrays of each, of a replay buffer those of its group.
 ///
@@ -95,51 +128,93 @@ pub(super) fn ground_truth(
     columns: &Columns,
     options: &TableOptions,
 ) -> Result<Parsed<GroundTruth>> {
-    let sequences = Sequences::of(file)?;
-    let mut names = Vec::new();
-    let mut parts = Vec::new();
-    for (name, array) in columns.pairs() {
-        names.push(name.to_owned());
-        parts.push(Part::parse(array)?);
-    }
-    let read = |group: &str| -> Result<Vec<Array3<f64>>> {
-        let group = group.to_owned();
-        let file = Within { file, group };
-        let objects: Result<Vec<_>> = parts
-            .iter()
-            .map(|part| part.read(&file, &sequences))
-            .collect();
-        together(&objects?, &names)
-    };
-    let (called, all) = match &sequences {
-        Sequences::Axis => {
-            let all = read("")?;
-            (sequence_names(all.len()), all)
-        }
-        Sequences::Groups(episodes) => {
-            let mut all = Vec::new();
-            for episode in episodes {
-                let one = read(&episode.path).map_err(|e| e.at(format!("`{}`", episode.path)))?;
-                all.extend(one);
-            }
-            (episodes.iter().map(|one| one.name.clone()).collect(), all)
-        }
-        Sequences::Ends { group, lengths } => {
-            let whole = read(group)?;
-            (episode_names(lengths.len()), divided(&whole[0], lengths)?)
-        }
-    };
-    if options.space.is_none() && (options.xy_only || all.iter().any(|one| one.dim().2 == 2)) {
+    let named = Named::read(file, columns)?;
+    if options.space.is_none() && (options.xy_only || named.is_flat()) {
         return Err(Error::input(
             "the file does not say in which unit the positions of these arrays are; expected the \
              unit",
         )
         .because(Reason::UnknownUnit));
     }
-    let views: Vec<_> = all.iter().map(|one| one.view()).collect();
-    let mut points = PointSequences::new("columns", &views, None, options)?;
-    points.name_sequences(called);
-    points.into_truth(Some(names))
+    named.into_truth(options)
+}
+
+/// As [`ground_truth`], of positions that stay as they are, whatever their unit.
+///
+/// # Errors
+/// When an array is not there or holds no positions.
+pub(super) fn as_they_are(file: &dyn ArrayFile, columns: &Columns) -> Result<Parsed<GroundTruth>> {
+    let named = Named::read(file, columns)?;
+    let options = TableOptions {
+        space: named.is_flat().then_some(Space::Ndc),
+        ..TableOptions::default()
+    };
+    named.into_truth(&options)
+}
+
+/// Objects by name with their positions.
+struct Named {
+    objects: Vec<String>,
+    sequences: Vec<String>,
+    /// Of each sequence: frames x objects x coordinates.
+    positions: Vec<Array3<f64>>,
+}
+
+impl Named {
+    /// Whether some have no z.
+    fn is_flat(&self) -> bool {
+        self.positions.iter().any(|one| one.dim().2 == 2)
+    }
+
+    fn into_truth(self, options: &TableOptions) -> Result<Parsed<GroundTruth>> {
+        let views: Vec<_> = self.positions.iter().map(|one| one.view()).collect();
+        let mut points = PointSequences::new("columns", &views, None, options)?;
+        points.name_sequences(self.sequences);
+        points.into_truth(Some(self.objects))
+    }
+
+    fn read(file: &dyn ArrayFile, columns: &Columns) -> Result<Self> {
+        let sequences = Sequences::of(file)?;
+        let mut names = Vec::new();
+        let mut parts = Vec::new();
+        for (name, array) in columns.pairs() {
+            names.push(name.to_owned());
+            parts.push(Part::parse(array)?);
+        }
+        let read = |group: &str| -> Result<Vec<Array3<f64>>> {
+            let group = group.to_owned();
+            let file = Within { file, group };
+            let objects: Result<Vec<_>> = parts
+                .iter()
+                .map(|part| part.read(&file, &sequences))
+                .collect();
+            together(&objects?, &names)
+        };
+        let (sequences, positions) = match &sequences {
+            Sequences::Axis => {
+                let all = read("")?;
+                (sequence_names(all.len()), all)
+            }
+            Sequences::Groups(episodes) => {
+                let mut all = Vec::new();
+                for episode in episodes {
+                    let one =
+                        read(&episode.path).map_err(|e| e.at(format!("`{}`", episode.path)))?;
+                    all.extend(one);
+                }
+                (episodes.iter().map(|one| one.name.clone()).collect(), all)
+            }
+            Sequences::Ends { group, lengths } => {
+                let whole = read(group)?;
+                (episode_names(lengths.len()), divided(&whole[0], lengths)?)
+            }
+        };
+        Ok(Self {
+            objects: names,
+            sequences,
+            positions,
+        })
+    }
 }
 
 /// The objects of every sequence: frames x objects x coordinates.

@@ -1,12 +1,11 @@
 //! Files of other programs that are neither text nor NPZ, in JavaScript: their points as what the
 //! part that scores reads.
 
-use js_sys::{Array, Uint8Array};
 use wasm_bindgen::prelude::*;
 
-use super::table::{object, table_to_js};
+use super::table::stored_to_js;
 use super::{JsResult, js_error};
-use crate::data::{Columns, HDF5_MAGIC, Hdf5Points, NpyArray, export_pickle};
+use crate::data::{Columns, HDF5_MAGIC, PointFile, StoredPoints, export_pickle};
 use crate::error::{Error, Result};
 use crate::pickle::is_pickle;
 
@@ -16,14 +15,7 @@ use crate::pickle::is_pickle;
 /// When the bytes are neither, or hold no points.
 #[wasm_bindgen(js_name = readPoints)]
 pub fn read_points(bytes: Vec<u8>, name: &str) -> JsResult<JsValue> {
-    points_to_js(&read(bytes).map_err(|e| js_error(&e.at(name)))?)
-}
-
-pub(super) fn points_to_js(points: &Hdf5Points) -> JsResult<JsValue> {
-    match points {
-        Hdf5Points::Table(table) => table_to_js(table),
-        Hdf5Points::Arrays { arrays, has_frames } => arrays_to_js(arrays, *has_frames),
-    }
+    stored_to_js(&read(bytes).map_err(|e| js_error(&e.at(name)))?)
 }
 
 /// A table whose columns have other names, with those that are expected: `expected` are these,
@@ -48,29 +40,12 @@ pub fn map_columns(
         .map_err(|e| js_error(&e.at(name)))
 }
 
-fn read(bytes: Vec<u8>) -> Result<Hdf5Points> {
+fn read(bytes: Vec<u8>) -> Result<StoredPoints> {
     match &bytes {
-        _ if bytes.starts_with(HDF5_MAGIC) => Hdf5Points::of_bytes(bytes),
-        _ if is_pickle(&bytes) => export_pickle(&bytes).map(Hdf5Points::Table),
+        _ if bytes.starts_with(HDF5_MAGIC) => PointFile::from_hdf5_bytes(bytes)?.stored(),
+        _ if is_pickle(&bytes) => export_pickle(&bytes).map(StoredPoints::Table),
         _ => Err(Error::input(
             "neither an HDF5 file nor a pickle by its first bytes; is it complete, and does its ending say what it is?",
         )),
     }
-}
-
-fn arrays_to_js(arrays: &[NpyArray], has_frames: bool) -> JsResult<JsValue> {
-    let list = Array::new();
-    for NpyArray { name, bytes, .. } in arrays {
-        list.push(&object([
-            ("name", name.into()),
-            ("bytes", Uint8Array::from(&bytes[..]).into()),
-        ])?);
-    }
-    object([
-        ("table", JsValue::NULL),
-        ("space", JsValue::NULL),
-        ("notices", Array::new().into()),
-        ("arrays", list.into()),
-        ("hasFrames", has_frames.into()),
-    ])
 }

@@ -1,10 +1,12 @@
 //! The JavaScript face: parse, call, translate. Types are documented in `pkg/index.d.ts`.
 //!
 //! It is built in parts, each a WebAssembly module of its own that is loaded when it is needed:
-//! scoring first, which a larger one takes the place of with the first points in space, the doctor with the first ground truth, extraction in the workers, images with the
-//! first JPEG or WebP image, formats with the first HDF5 file or pickle, detectors with the first ONNX
-//! model, measures over time when they are looked at, figures once there is something to draw, comparison with the first runs, extraction on the
-//! GPU where there is one. Objects of one part mean nothing to another one.
+//! scoring first, which a larger one takes the place of with the first points in space, the doctor
+//! with the first ground truth, extraction in the workers, images with the first JPEG or WebP image,
+//! formats with the first HDF5 file or pickle, Zarr and Parquet with the first of theirs, detectors
+//! with the first ONNX model, measures over time when they are looked at, figures once there is
+//! something to draw, comparison with the first runs, extraction on the GPU where there is one.
+//! Objects of one part mean nothing to another one.
 
 #[cfg(feature = "web-space")]
 mod camera;
@@ -34,6 +36,8 @@ mod formats;
 mod frames;
 #[cfg(feature = "web-gpu")]
 mod gpu;
+#[cfg(feature = "web-formats")]
+mod hdf5;
 #[cfg(feature = "web-images")]
 mod images;
 #[cfg(feature = "web-scoring")]
@@ -59,15 +63,17 @@ mod object;
 mod options;
 #[cfg(feature = "web-parquet")]
 mod parquet;
+#[cfg(any(feature = "web-formats", feature = "web-zarr"))]
+mod recording;
 #[cfg(any(feature = "web-scoring", feature = "web-temporal"))]
 mod request;
 #[cfg(feature = "web-scoring")]
 mod runs;
 #[cfg(feature = "web-scoring")]
 mod scoring;
-#[cfg(feature = "web-formats")]
+#[cfg(any(feature = "web-formats", feature = "web-zarr"))]
 mod slices;
-#[cfg(any(feature = "web-formats", feature = "web-parquet"))]
+#[cfg(any(feature = "web-formats", feature = "web-parquet", feature = "web-zarr"))]
 mod table;
 #[cfg(feature = "web-scoring")]
 mod tables;
@@ -79,6 +85,8 @@ mod temporal;
     feature = "web-comparison"
 ))]
 mod thresholds;
+#[cfg(feature = "web-zarr")]
+mod zarr;
 
 use js_sys::{Error as JsError, Reflect};
 use wasm_bindgen::prelude::*;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
 
 use crate::page::example;
 
@@ -71,6 +71,13 @@ pub fn pack(folder: &Path, names: &[&str], archive: &Path) {
             .expect("written");
     }
     zip.finish().expect("an archive");
+}
+
+/// Unpacks a ZIP archive into `folder`.
+pub fn unpack(archive: &Path, folder: &Path) {
+    let archive = fs::File::open(archive).expect("an archive");
+    let mut archive = ZipArchive::new(archive).expect("an archive");
+    archive.extract(folder).expect("unpacked");
 }
 
 /// Checkpoint, frames and ground truth of the example.

@@ -9,7 +9,7 @@ mod server;
 pub use browser::Browser;
 pub use command::{
     copy_folder, eval, eval_example, example_inputs, extract_keypoints, pack, parsed,
-    same_keypoints, text, tracklens, tracklens_json,
+    same_keypoints, text, tracklens, tracklens_json, unpack,
 };
 pub use page::{EXAMPLE_FRAMES, EXAMPLE_KEYPOINTS, EXAMPLE_LENGTH, Page, example, site};
 pub use server::Server;

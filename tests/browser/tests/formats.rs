@@ -7,13 +7,15 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use thirtyfour::{By, Key};
 use tracklens_page_tests::{
-    Browser, Page, copy_folder, in_every_browser, pack, text, tracklens_json,
+    Browser, Page, copy_folder, in_every_browser, pack, text, tracklens_json, unpack,
 };
 
 in_every_browser! {
     tables_of_other_programs_are_scored_as_in_the_terminal
     frames_of_an_hdf5_file_are_read_by_slices
     one_of_several_cameras_of_a_file_is_chosen
+    a_zarr_hierarchy_is_read_as_a_folder_and_as_an_archive
+    arrays_of_a_recording_are_said_to_be_objects
     episodes_in_a_video_of_lerobot_are_sequences
 }
 
@@ -153,6 +155,146 @@ async fn one_of_several_cameras_of_a_file_is_chosen(browser: Browser) {
         let shown = "document.querySelector('select[name=camera]').value";
         assert_eq!(page.value(shown).await, camera);
     }
+    page.close().await;
+}
+
+/// Gives a field of the list of files a value.
+async fn fill_in(page: &Page, selector: &str, value: &str) {
+    page.until(&format!("document.querySelector('{selector}') !== null"))
+        .await;
+    page.value(&format!(
+        "(() => {{ const field = document.querySelector('{selector}'); field.value = '{value}'; \
+         for (const type of ['input', 'change']) field.dispatchEvent(new Event(type)); }})()"
+    ))
+    .await;
+}
+
+/// Picks a folder; Firefox takes none from WebDriver, and so an archive of it.
+async fn pick_folder(page: &Page, browser: Browser, folder: &Path) {
+    if browser == Browser::Chromium {
+        return page.pick_folder(folder).await;
+    }
+    let (around, name) = (folder.parent(), folder.file_name());
+    let around = around.expect("a folder around it");
+    let archive = around.join("packed.zip");
+    pack(
+        around,
+        &[&name.expect("a name").to_string_lossy()],
+        &archive,
+    );
+    page.pick(&[&archive]).await;
+}
+
+/// Says how large the board of a simulator is.
+async fn enter_board(page: &Page) {
+    page.until_text("Size of the simulator's board").await;
+    fill_in(page, "input[name=image-width]", "100").await;
+    fill_in(page, "input[name=image-height]", "80").await;
+}
+
+async fn a_zarr_hierarchy_is_read_as_a_folder_and_as_an_archive(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let archive = tests("public/files/replay.zarr.zip");
+    let checkpoint = tests("golden/basic-vel-std-bg-tiny.safetensors");
+    let unpacked = tempfile::tempdir().expect("a folder");
+    unpack(&archive, unpacked.path());
+    let folder = unpacked.path().join("replay.zarr");
+    let [file, weights] = [&archive, &checkpoint].map(|path| text(path));
+    let size = ["--space", "px", "--image-size", "100x80"];
+    let command = [
+        &["eval", "--checkpoint", &weights, "--frames", &file][..],
+        &size,
+    ];
+    let expected = tracklens_json(&command.concat());
+    for is_folder in [false, true] {
+        match is_folder {
+            true => pick_folder(&page, browser, &folder).await,
+            false => page.pick(&[&archive]).await,
+        }
+        page.pick(&[&checkpoint]).await;
+        page.until_text("40 frames and points").await;
+        // The board of the simulator has a size of its own, whatever that of the frames.
+        page.until_text("the unit of keypoint is that of its simulator")
+            .await;
+        enter_board(&page).await;
+        shows(&page, &expected, EXTRACTED).await;
+        page.until("document.querySelector('#stage').dataset.picture.includes('/episode_')")
+            .await;
+        page.click("#start-over").await;
+    }
+
+    // A chunk that is damaged costs its frames, and is told.
+    fs::write(folder.join("data/img/1.0.0.0"), b"cut").expect("written");
+    pick_folder(&page, browser, &folder).await;
+    page.pick(&[&checkpoint]).await;
+    enter_board(&page).await;
+    page.until_text("a chunk does not unpack to its size").await;
+    page.close().await;
+}
+
+async fn arrays_of_a_recording_are_said_to_be_objects(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let keypoints = tests("public/files/keypoints-episodes.csv");
+    let robots = tests("public/files/robomimic-low-dim.hdf5");
+    let unpacked = tempfile::tempdir().expect("a folder");
+    unpack(&tests("public/files/replay.zarr.zip"), unpacked.path());
+    let replay = unpacked.path().join("replay.zarr");
+    fs::remove_dir_all(replay.join("data/keypoint")).expect("removed");
+    let [points, robot, state] = [&keypoints, &robots, &replay].map(|path| text(path));
+    let opens = "document.querySelector('[data-key^=\"objects\"] summary')?.click() ?? null";
+
+    page.pick(&[&robots, &keypoints]).await;
+    page.until_text("Say which arrays are objects").await;
+    page.value(opens).await;
+    fill_in(&page, "[name=object-name]", "gripper").await;
+    fill_in(&page, "[name=object-array]", "obs/robot0_eef_pos").await;
+    page.click("[name=add-object]").await;
+    let second = |name: &str| format!(".mapper-row:nth-child(2) [name={name}]");
+    fill_in(&page, &second("object-name"), "cube").await;
+    fill_in(&page, &second("object-array"), "obs/object").await;
+    fill_in(&page, &second("object-numbers"), "0:3").await;
+    page.click("[name=apply-objects]").await;
+    let columns = "gripper=obs/robot0_eef_pos,cube=obs/object[0:3]";
+    let command = [
+        "score",
+        "--truth",
+        &robot,
+        "--columns",
+        columns,
+        "--keypoints",
+        &points,
+    ];
+    shows(&page, &tracklens_json(&command), TABLES).await;
+    page.click("#start-over").await;
+
+    // Two numbers have a unit, which nobody but the user knows.
+    pick_folder(&page, browser, &replay).await;
+    page.pick(&[&keypoints]).await;
+    page.until_text("Say which arrays are objects").await;
+    page.value(opens).await;
+    fill_in(&page, "[name=object-name]", "agent").await;
+    fill_in(&page, "[name=object-array]", "state").await;
+    fill_in(&page, "[name=object-numbers]", "2:4").await;
+    page.click("[name=apply-objects]").await;
+    page.until_text("Choose the unit of the positions.").await;
+    fill_in(&page, "[name=unit]", "px").await;
+    fill_in(&page, "[name=board-width]", "100").await;
+    fill_in(&page, "[name=board-height]", "80").await;
+    page.click("[name=apply-objects]").await;
+    let command = [
+        "score",
+        "--truth",
+        &state,
+        "--columns",
+        "agent=state[2:4]",
+        "--space",
+        "px",
+        "--image-size",
+        "100x80",
+        "--keypoints",
+        &points,
+    ];
+    shows(&page, &tracklens_json(&command), TABLES).await;
     page.close().await;
 }
 

@@ -9,7 +9,7 @@ import init, {
   readPoints,
 } from "../../pkg/index.js";
 import { readError } from "../sources.js";
-import { openHdf5 } from "./hdf5.js";
+import { openSliced } from "./sliced.js";
 
 /**
  * @typedef {import("../sources.js").Source} Source
@@ -65,11 +65,35 @@ export async function openForeign(path, file, head, camera) {
  * @returns {Promise<Table | Recording>}
  */
 async function openRanges(path, file, camera) {
-  const { frames, points, cameras, problem, close } = await openHdf5(path, file, camera);
+  const sliced = await openSliced(path, { kind: "hdf5", blob: file }, camera);
+  const { points, frames } = sliced;
   if (points?.table && frames.length === 0) return tableOf(points);
-  const recording = { ...recordingOf(path, points), frames, cameras, close };
-  const error = problem && `${path}: ${problem}`;
-  return { ...recording, error, ...(points?.table ? { table: tableOf(points) } : {}) };
+  return slicedRecording(path, sliced);
+}
+
+/**
+ * @param {string} path
+ * @param {Awaited<ReturnType<typeof openSliced>>} sliced
+ * @returns {Recording}
+ */
+export function slicedRecording(
+  path,
+  { frames, points, cameras, problem, candidates, named, close },
+) {
+  const read = async (/** @type {string} */ columns) => {
+    const points = await named(columns);
+    if (!points) throw new Error(`${path} has no such positions`);
+    return tableOf(points);
+  };
+  return {
+    ...recordingOf(path, points),
+    ...(points?.table ? { table: tableOf(points) } : {}),
+    ...(candidates.length > 0 ? { objects: { arrays: candidates, read } } : {}),
+    frames,
+    cameras,
+    close,
+    error: problem && (problem.startsWith(path) ? problem : `${path}: ${problem}`),
+  };
 }
 
 /**

@@ -10,12 +10,12 @@ import { openVideo } from "./video.js";
 /**
  * @typedef {import("../sources.js").Source} Source
  * @typedef {import("../../pkg/index.js").VideoEpisode} VideoEpisode
- * @typedef {import("../datasets.js").Dataset} Dataset
+ * @typedef {import("../datasets.js").LeRobotVideos} LeRobotVideos
  */
 
 /**
  * The frames of a camera, a sequence an episode.
- * @param {Dataset} dataset
+ * @param {LeRobotVideos} dataset
  * @param {string} [wanted] which camera, instead of the first by name whose videos are there
  * @returns {Promise<{ frames: Source[], cameras: string[], contents: string, problems: string[],
  * close: () => void }>} with the `cameras` whose videos are there

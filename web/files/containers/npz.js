@@ -14,9 +14,16 @@ import { entriesOf, unpack } from "./zip.js";
  *
  * The frames of a recording, and its arrays, whose points are read from them, or a table of points
  * in their place; `error` says why there are no frames though there is an array of them, `cameras`
- * are all of them, where there are several, `close` gives back what reading frames holds.
+ * are all of them, where there are several, `close` gives back what reading frames holds; `kept` is
+ * an NPZ file of the points, where they lie in many files; `objects` are arrays of which a person
+ * can say that they are objects.
  * @typedef {{ frames: Source[], arrays: Arrays, table?: Table, error: string, cameras?: string[],
- * close?: () => void }} Recording
+ * close?: () => void, kept?: Blob, objects?: Objects }} Recording
+ *
+ * Arrays that may hold positions, and what reads them as the objects of `columns`, which is as
+ * `cube=obs/object[0:3]`.
+ * @typedef {{ arrays: import("../../pkg/index.js").Candidate[], read: (columns: string) =>
+ * Promise<Table> }} Objects
  *
  * A table that a file was turned into, the unit of its positions where it does not say it, and what
  * is told of how it was made.

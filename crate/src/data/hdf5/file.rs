@@ -5,7 +5,9 @@ use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, S
 
 use super::errors::{broken, unreadable};
 use super::scalar::{Scalar, check_size, numbers};
+use super::{pandas, sleap};
 use crate::data::arrays::{ArrayFile, ArrayInfo, Kind, Members, Values};
+use crate::data::export::Export;
 use crate::data::reading::AxisOrder;
 use crate::error::{Error, Result};
 
@@ -76,6 +78,13 @@ fn chunks_of_a_sequence(file: &Hdf5File, name: &str) -> Option<u64> {
 }
 
 impl ArrayFile for Hdf5 {
+    fn export(&self) -> Result<Option<Export>> {
+        match pandas::export(&self.file)? {
+            Some(table) => Ok(Some(table)),
+            None => sleap::export(&self.file),
+        }
+    }
+
     fn names(&self) -> Result<Vec<String>> {
         Ok(self.members("")?.arrays)
     }

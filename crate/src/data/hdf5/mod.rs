@@ -1,7 +1,6 @@
 //! HDF5 files: recordings and arrays of points, data frames of pandas (DeepLabCut), and projects of
 //! SLEAP.
 
-mod as_npy;
 mod errors;
 mod file;
 mod pandas;
@@ -14,14 +13,14 @@ use std::sync::Arc;
 
 use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage, Storage, StorageBuffer};
 
-use super::arrays::{FRAMES, find};
+use super::arrays::ArrayFile as _;
+use super::as_npy::{PointFile, has_points};
 use super::export::Export;
 use super::named_arrays;
-use super::npy::NpyArray;
 use super::points;
 use super::reading::{Parsed, TableOptions};
 use super::recording::Recording;
-use super::table::{Columns, ground_truth_csv};
+use super::table::Columns;
 use crate::error::{Error, Result};
 use crate::track::{GroundTruth, KeypointTrack};
 use errors::broken;
@@ -117,55 +116,25 @@ impl Storage for Ranged {
     }
 }
 
-/// What an HDF5 file holds of points.
-#[derive(Debug)]
-pub enum Hdf5Points {
-    /// A table, which its program keeps as records.
-    Table(Export),
-    /// Arrays.
-    Arrays {
-        /// Those that points are read from.
-        arrays: Vec<NpyArray>,
-        /// Whether there are frames as well, which are left out.
-        has_frames: bool,
-    },
-}
-
-impl Hdf5Points {
-    /// Of a file in memory.
+impl PointFile {
+    /// An HDF5 file in memory.
     ///
     /// # Errors
-    /// When the bytes are no whole HDF5 file, or what they hold cannot be read.
-    pub fn of_bytes(bytes: Vec<u8>) -> Result<Self> {
-        Self::of_storage(Arc::new(BytesStorage::new(bytes)))
+    /// When the bytes are no whole HDF5 file.
+    pub fn from_hdf5_bytes(bytes: Vec<u8>) -> Result<Self> {
+        Self::from_storage(Arc::new(BytesStorage::new(bytes)))
     }
 
-    /// Of a file that is read by other means.
+    /// An HDF5 file that is read by other means.
     ///
     /// # Errors
-    /// As [`Hdf5Points::of_bytes`].
-    pub fn of_ranges(file: Arc<dyn Ranges>) -> Result<Self> {
-        Self::of_storage(Arc::new(Ranged(file)))
+    /// As [`PointFile::from_hdf5_bytes`].
+    pub fn from_hdf5_ranges(file: Arc<dyn Ranges>) -> Result<Self> {
+        Self::from_storage(Arc::new(Ranged(file)))
     }
 
-    fn of_storage(storage: DynStorage) -> Result<Self> {
-        let file = Hdf5::open(storage)?;
-        match export(&file)? {
-            Some(table) => Ok(Self::Table(table)),
-            // Those of robomimic's episodes are no arrays of the file.
-            None if !as_npy::has_points(&file)? => {
-                let points = points::ground_truth(&file, &TableOptions::default())?;
-                Ok(Self::Table(Export {
-                    table: ground_truth_csv(&points.content).into_bytes(),
-                    space: None,
-                    notices: points.notices,
-                }))
-            }
-            None => Ok(Self::Arrays {
-                arrays: as_npy::points(&file)?,
-                has_frames: find(&file, &FRAMES)?.is_some(),
-            }),
-        }
+    fn from_storage(storage: DynStorage) -> Result<Self> {
+        Ok(Self::new(Box::new(Hdf5::open(storage)?)))
     }
 }
 
@@ -234,11 +203,8 @@ fn of_file(file: File) -> Result<Hdf5> {
 
 /// The table of a program that keeps one in HDF5; `None` where points are arrays.
 fn export(file: &Hdf5) -> Result<Option<Export>> {
-    if as_npy::has_points(file)? {
-        return Ok(None);
-    }
-    match pandas::export(&file.file)? {
-        Some(table) => Ok(Some(table)),
-        None => sleap::export(&file.file),
+    match has_points(file)? {
+        true => Ok(None),
+        false => file.export(),
     }
 }

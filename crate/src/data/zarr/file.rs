@@ -21,7 +21,12 @@ use crate::error::{Error, Result};
 use crate::memory;
 
 /// What is kept of unpacked chunks at most; diffusion policy's hold 161 frames (18 MB).
-const MAX_CHUNK_CACHE: u64 = 256 << 20;
+const MAX_CHUNK_CACHE: u64 = if cfg!(target_arch = "wasm32") {
+    // A browser gives a page less.
+    128 << 20
+} else {
+    256 << 20
+};
 /// More axes than frames or points have; a guard against damaged files.
 const MAX_AXES: usize = 8;
 
@@ -30,7 +35,19 @@ pub struct Zarr {
     store: Arc<Guarded>,
     /// By their paths the descriptions of arrays.
     arrays: BTreeMap<String, Value>,
-    open: Mutex<HashMap<String, Arc<Opened>>>,
+    open: Mutex<HashMap<String, Arc<InThread<Opened>>>>,
+}
+
+/// zarrs has no threads in a browser, and neither have we: what is of it stays where it is.
+#[cfg(target_arch = "wasm32")]
+type InThread<T> = send_wrapper::SendWrapper<T>;
+#[cfg(not(target_arch = "wasm32"))]
+type InThread<T> = T;
+
+fn in_thread<T>(value: T) -> InThread<T> {
+    #[cfg(target_arch = "wasm32")]
+    let value = send_wrapper::SendWrapper::new(value);
+    value
 }
 
 /// An array whose chunks are kept for a while.
@@ -45,6 +62,8 @@ impl Zarr {
     /// # Errors
     /// When a description cannot be read, and when there is no array.
     pub fn open(store: Box<dyn ZarrStore>) -> Result<Self> {
+        #[cfg(target_arch = "wasm32")]
+        super::codecs::register();
         let mut arrays = BTreeMap::new();
         for key in store.keys() {
             let (path, file) = key.rsplit_once('/').unwrap_or(("", &key));
@@ -74,7 +93,7 @@ impl Zarr {
         })
     }
 
-    fn array(&self, path: &str) -> Result<Arc<Opened>> {
+    fn array(&self, path: &str) -> Result<Arc<InThread<Opened>>> {
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(array) = open.get(path) {
             return Ok(Arc::clone(array));
@@ -92,10 +111,10 @@ impl Zarr {
         let storage: Arc<dyn ReadableStorageTraits> = self.store.clone();
         let array = Array::open(storage, &format!("/{path}")).map_err(|e| unreadable(&e))?;
         let kept = MAX_CHUNK_CACHE.min(2 * most);
-        let array = Arc::new(Opened {
+        let array = Arc::new(in_thread(Opened {
             info,
             chunks: ChunkCacheDecodedLruSizeLimit::new(Arc::new(array), kept),
-        });
+        }));
         open.insert(path.to_owned(), Arc::clone(&array));
         Ok(array)
     }

@@ -1,9 +1,12 @@
 //! Zarr, versions 2 and 3: recordings, points as arrays, replay buffers of diffusion policy.
 
+#[cfg(target_arch = "wasm32")]
+mod codecs;
 mod file;
 mod guard;
 mod store;
 
+use super::as_npy::PointFile;
 use super::named_arrays;
 use super::points;
 use super::reading::{Parsed, TableOptions};
@@ -33,6 +36,16 @@ impl Recording {
         options: &TableOptions,
     ) -> Result<Self> {
         Self::new(Box::new(Zarr::open(store)?), array, options)
+    }
+}
+
+impl PointFile {
+    /// A Zarr hierarchy.
+    ///
+    /// # Errors
+    /// When a description cannot be read, and when there is no array.
+    pub fn from_zarr(store: Box<dyn ZarrStore>) -> Result<Self> {
+        Ok(Self::new(Box::new(Zarr::open(store)?)))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use zip::ZipArchive;
 
@@ -24,6 +24,24 @@ pub trait ZarrStore: Send + Sync {
 
     /// The bytes of all files as they lie there.
     fn size(&self) -> u64;
+}
+
+impl<S: ZarrStore + ?Sized> ZarrStore for Arc<S> {
+    fn keys(&self) -> Vec<String> {
+        (**self).keys()
+    }
+
+    fn has(&self, key: &str) -> bool {
+        (**self).has(key)
+    }
+
+    fn read(&self, key: &str) -> Result<Vec<u8>> {
+        (**self).read(key)
+    }
+
+    fn size(&self) -> u64 {
+        (**self).size()
+    }
 }
 
 /// What describes an array or a group: of version 3, and of version 2.
