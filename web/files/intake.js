@@ -2,7 +2,7 @@
 /** Identifies dropped files: containers are opened, everything else gets the role it is read in. */
 
 import { classify } from "../pkg/index.js";
-import { count } from "../ui/format.js";
+import { count, names } from "../ui/format.js";
 import { openArchive } from "./containers/zip.js";
 import { splitDatasets } from "./datasets.js";
 import { entryOf } from "./entry.js";
@@ -41,6 +41,8 @@ const HEAD_BYTES = 4096;
 const MAX_DEPTH = 2;
 /** Names of files that are meant to be read. */
 const NAMED = /\.(csv|tsv|json|safetensors|pth|pt|bpk|onnx|npy|npz|h5|hdf5|slp|pkl|parquet|zip)$/i;
+/** What says which tensor of a checkpoint is in which of its files. */
+const SHARD_INDEX = /\.safetensors\.index\.json$/i;
 /** The settings of a model beside it. */
 const SETTINGS = /\.onnx\.json$/i;
 const NOTHING = new Uint8Array();
@@ -73,7 +75,9 @@ export async function identify(sources, onProgress, depth = 0, archive) {
     else others.push(source);
   }
   let done = found.images.length + (sources.length - withoutRuns.length);
-  const parts = await mapBounded(others, READERS, async (source) => {
+  const { checkpoints, rest: files } = await takeShards(others);
+  found.entries.push(...checkpoints);
+  const parts = await mapBounded(files, READERS, async (source) => {
     const part = await open(source, depth);
     onProgress(++done, sources.length);
     return part;
@@ -91,6 +95,54 @@ export async function identify(sources, onProgress, depth = 0, archive) {
     for (const [model, said] of settings) found.settings.set(model, said);
   }
   return found;
+}
+
+/**
+ * Takes checkpoints in several files out of `sources`.
+ * @param {Source[]} sources
+ * @returns {Promise<{ checkpoints: Entry[], rest: Source[] }>}
+ */
+async function takeShards(sources) {
+  const indices = sources.filter(({ path }) => SHARD_INDEX.test(path));
+  if (indices.length === 0) return { checkpoints: [], rest: sources };
+  const { joined, shardsOf } = await import("./containers/shards.js");
+  const taken = new Set(indices);
+  const checkpoints = await mapBounded(indices, READERS, async (index) => {
+    const { path } = index;
+    try {
+      const shards = (await shardsOf(index)).map((file) => {
+        const shard = sources.find((source) => source.path === file);
+        if (shard) taken.add(shard);
+        return { file, shard };
+      });
+      const missing = shards.filter(({ shard }) => !shard).map(({ file }) => file);
+      if (missing.length > 0) {
+        throw new Error(
+          `${path} names ${names(missing)}, which did not come with it; drop the folder of all of them`,
+        );
+      }
+      const blob = await joined(
+        path,
+        shards.flatMap(({ shard }) => shard ?? []),
+      );
+      const reason = `a checkpoint in ${count(shards.length, "file")}, by its index`;
+      return entryOf({ path, blob }, { role: "checkpoint", by: "file", reason });
+    } catch (error) {
+      return brokenEntry(index, error);
+    }
+  });
+  return { checkpoints, rest: sources.filter((source) => !taken.has(source)) };
+}
+
+/**
+ * @param {Source} source
+ * @param {unknown} error
+ * @returns {Entry}
+ */
+function brokenEntry(source, error) {
+  const entry = entryOf(source, { role: "unknown", by: "file", reason: "" });
+  const parsed = /** @type {const} */ ({ state: "broken", cause: null });
+  return { ...entry, parsed: { ...parsed, error: readError(error, source.path) } };
 }
 
 /**
@@ -125,9 +177,7 @@ async function open(source, depth) {
         return only(entryOf(unpacked, { role, by: guess ? "guess" : "file", reason }));
     }
   } catch (error) {
-    const entry = entryOf(source, { role: "unknown", by: "file", reason: "" });
-    const parsed = /** @type {const} */ ({ state: "broken", cause: null });
-    return only({ ...entry, parsed: { ...parsed, error: readError(error, path) } });
+    return only(brokenEntry(source, error));
   }
 }
 

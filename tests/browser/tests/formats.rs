@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use thirtyfour::{By, Key};
 use tracklens_page_tests::{
     Browser, Page, copy_folder, in_every_browser, pack, text, tracklens_json, unpack,
@@ -16,6 +16,7 @@ in_every_browser! {
     one_of_several_cameras_of_a_file_is_chosen
     a_zarr_hierarchy_is_read_as_a_folder_and_as_an_archive
     arrays_of_a_recording_are_said_to_be_objects
+    a_checkpoint_in_several_files_is_one
     episodes_in_a_video_of_lerobot_are_sequences
 }
 
@@ -295,6 +296,62 @@ async fn arrays_of_a_recording_are_said_to_be_objects(browser: Browser) {
         &points,
     ];
     shows(&page, &tracklens_json(&command), TABLES).await;
+    page.close().await;
+}
+
+/// Writes the tensors of a `.safetensors` file as two files and their index, as large models come.
+fn split(checkpoint: &Path, folder: &Path) {
+    let bytes = fs::read(checkpoint).expect("a checkpoint");
+    let (length, rest) = bytes.split_at(8);
+    let length = u64::from_le_bytes(length.try_into().expect("eight bytes"));
+    let (header, data) = rest.split_at(length as usize);
+    let mut header: Map<String, Value> = serde_json::from_slice(header).expect("a header");
+    let metadata = header.remove("__metadata__");
+    let mut map = Map::new();
+    for part in 0..2 {
+        let file = format!("model-{}-of-2.safetensors", part + 1);
+        let (mut own, mut held) = (Map::new(), Vec::new());
+        own.extend(metadata.clone().map(|all| ("__metadata__".to_owned(), all)));
+        for (name, tensor) in header.iter().skip(part).step_by(2) {
+            let at = |i: usize| tensor["data_offsets"][i].as_u64().expect("a number") as usize;
+            let start = held.len();
+            held.extend(&data[at(0)..at(1)]);
+            let mut tensor = tensor.clone();
+            tensor["data_offsets"] = json!([start, held.len()]);
+            own.insert(name.clone(), tensor);
+            map.insert(name.clone(), json!(file));
+        }
+        let own = serde_json::to_vec(&own).expect("JSON");
+        let length = (own.len() as u64).to_le_bytes();
+        fs::write(folder.join(file), [&length[..], &own, &held].concat()).expect("written");
+    }
+    let index = json!({ "weight_map": map }).to_string();
+    fs::write(folder.join("model.safetensors.index.json"), index).expect("written");
+}
+
+async fn a_checkpoint_in_several_files_is_one(browser: Browser) {
+    let page = Page::open_in(browser).await;
+    let folder = tempfile::tempdir().expect("a folder");
+    split(
+        &tests("golden/basic-vel-std-bg-tiny.safetensors"),
+        folder.path(),
+    );
+    let frames = tests("data/formats/options.hdf5");
+    let [index, first, second] = [
+        "model.safetensors.index.json",
+        "model-1-of-2.safetensors",
+        "model-2-of-2.safetensors",
+    ]
+    .map(|name| folder.path().join(name));
+    page.pick(&[&frames, &index, &first]).await;
+    page.until_text("names model-2-of-2.safetensors, which did not come with it")
+        .await;
+    page.pick(&[&index, &first, &second]).await;
+    page.until_text("a checkpoint in 2 files, by its index")
+        .await;
+    let [file, weights] = [&frames, &index].map(|path| text(path));
+    let expected = tracklens_json(&["eval", "--checkpoint", &weights, "--frames", &file]);
+    shows(&page, &expected, EXTRACTED).await;
     page.close().await;
 }
 
