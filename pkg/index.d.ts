@@ -801,13 +801,13 @@ export interface Film {
   frames: number[];
   /** The image of each frame as a data URI; empty where there are no images. */
   images: (string | null)[];
-  /** The objects, each with a keypoint, in ndc; `null` where it is not visible. */
+  /** The objects, each with a keypoint, (x, y) in ndc or (x, y, z) in the unit of the ground truth; `null` where it is not visible. */
   tracks: {
     object: string;
     keypoint: number;
-    truth: ([number, number] | null)[];
+    truth: (number[] | null)[];
     /** The keypoint under its fitted map. */
-    mapped: ([number, number] | null)[];
+    mapped: (number[] | null)[];
   }[];
 }
 

@@ -226,6 +226,9 @@ test("an evaluation can be asked for more, drawn, written and read again", async
     tracks: [{ object: "cube", keypoint: 0, truth: [[0, 0.5], null], mapped: [null, [0.1, 0.5]] }],
   };
   assert.match(tracklens.evaluationPage(evaluation, film), /class="film-frame"[^]*: 2 of 3 frames/);
+  const inSpace = [{ object: "cube", keypoint: 0, truth: [[0, 0.5, 9], [1, 1, 8]], mapped: [null, [0, 1, 2]] }];
+  const plotted = tracklens.evaluationPage(evaluation, { ...film, images: [], tracks: inSpace });
+  assert.match(plotted, /2 of 3 frames, in the unit of the ground truth/);
   assert.throws(() => tracklens.evaluationPage(evaluation, { ...film, frames: "all" }), /the film: /);
   assert.match(tracklens.evaluationCsv(evaluation), /^object,tracked,error/);
   const lines = tracklens.evaluationText(evaluation).trimEnd().split("\n");

@@ -229,6 +229,12 @@ fn two_and_three_coordinates_are_mapped_to_each_other_and_it_is_said() {
     let page = std::fs::read_to_string(page).expect("a page");
     assert!(page.contains("in space, in the squared unit of the ground truth"));
     assert!(page.contains("in the unit of the ground truth.") && page.contains(">z</th>"));
+    // x, y and z of two objects over the frames of a sequence.
+    let (_, moves) = page.split_once("How it moves").expect("a part of it");
+    let (plots, _) = moves
+        .split_once("Of each object x, y and z")
+        .expect("words");
+    assert_eq!(plots.matches("<svg").count(), 6);
 }
 
 #[test]

@@ -1,5 +1,5 @@
 // @ts-check
-/** The sequence on display, where there are frames, as a film that plays in a report. */
+/** The sequence on display, where there are frames or points in space, as a report shows it. */
 
 import { thumbnail } from "../files/thumbnail.js";
 
@@ -22,7 +22,8 @@ const QUALITY = 0.8;
  */
 export async function filmOf({ score }) {
   const range = score.sequenceOf(score.selection.frame);
-  if (!score.scoring || !score.hasPictures || score.isInSpace || !range) return null;
+  if (!score.scoring || !range || !(score.hasPictures || score.isInSpace)) return null;
+  const [, axes] = score.axes;
   const length = Math.min(range.length, MOST_FRAMES);
   const frames = Array.from({ length }, (_, i) => range.start + i);
   const numbers = frames.map((frame) => score.frameNumbers[frame]);
@@ -30,10 +31,11 @@ export async function filmOf({ score }) {
     const keypoint = score.keypointOf(at);
     const series = score.series(at);
     if (keypoint === null || !series) return [];
-    const points = (/** @type {Float64Array} */ all) => frames.map((frame) => position(all, frame));
+    const points = (/** @type {Float64Array} */ all) =>
+      frames.map((frame) => position(all, frame, axes));
     return [{ object, keypoint, truth: points(series.truth), mapped: points(series.transformed) }];
   });
-  const sources = frames.map((frame) => score.picture(frame));
+  const sources = score.isInSpace ? [] : frames.map((frame) => score.picture(frame));
   const images = [];
   for (const source of sources) images.push(source && (await imageOf(source)));
   return {
@@ -61,9 +63,10 @@ async function imageOf(source) {
 /**
  * @param {Float64Array} points
  * @param {number} frame
- * @returns {[number, number] | null} `null` where it is not visible
+ * @param {number} axes of a position
+ * @returns {number[] | null} `null` where it is not visible
  */
-function position(points, frame) {
-  const [x, y] = points.subarray(2 * frame, 2 * frame + 2);
-  return Number.isFinite(x) && Number.isFinite(y) ? [x, y] : null;
+function position(points, frame, axes) {
+  const point = [...points.subarray(axes * frame, axes * (frame + 1))];
+  return point.every(Number.isFinite) ? point : null;
 }

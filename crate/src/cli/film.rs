@@ -15,7 +15,7 @@ use crate::report::evaluation::Film;
 const SIDE: u32 = 256;
 const QUALITY: u8 = 80;
 
-/// The film of what was scored.
+/// The film of what was scored; without `frames` only in space.
 ///
 /// # Errors
 /// When a frame cannot be read any more.
@@ -23,10 +23,14 @@ pub(super) fn film(
     scoring: &Scoring,
     report: &EvaluationReport,
     settings: &Settings,
-    frames: &dyn FrameSource,
+    frames: Option<&dyn FrameSource>,
 ) -> Result<Option<Film>> {
     let mut film = Film::of(scoring, report, settings)?;
-    if let Some(film) = &mut film {
+    // In the image there is nothing to be seen without images.
+    let Some(frames) = frames else {
+        return Ok(film.filter(Film::is_in_space));
+    };
+    if let Some(film) = film.as_mut().filter(|film| !film.is_in_space()) {
         let keys = frames.index().keys().iter().enumerate();
         let of_sequence = keys.filter(|(_, key)| key.sequence == film.sequence);
         let places: BTreeMap<u64, usize> = of_sequence.map(|(i, key)| (key.frame, i)).collect();

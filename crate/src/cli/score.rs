@@ -273,10 +273,7 @@ impl ScoringArguments {
         }
         report.command = Some(own_command()?);
         if let Some(path) = &self.report {
-            let film = match frames {
-                Some(frames) => film(&scoring, &report, &request.settings, frames)?,
-                None => None,
-            };
+            let film = film(&scoring, &report, &request.settings, frames)?;
             atomic::write(path, evaluation_page(&report, film.as_ref())?.as_bytes())?;
             eprintln!("report written to {}", path.display());
         }

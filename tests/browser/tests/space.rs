@@ -162,6 +162,7 @@ async fn positions_in_space_are_scored_and_plotted(browser: Browser) {
     fs::write(&file, saved.to_string()).expect("written");
     let report = String::from_utf8(page.saved("#save-report").await).expect("a page");
     assert!(report.contains("in space, in the squared unit of the ground truth"));
+    assert!(report.contains("Of each object x, y and z"));
     page.click("#start-over").await;
     page.pick(&[&file]).await;
     shows(&page, &expected).await;

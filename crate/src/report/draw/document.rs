@@ -36,6 +36,8 @@ td.bad { color: var(--bad); }
 tr.first td { border-top: 1px solid var(--soft); }
 figure { margin: 1.5rem 0; }
 figure .plate { overflow-x: auto; }
+.film-space { display: grid; grid-template-columns: repeat(auto-fit, minmax(17rem, 1fr)); gap: .5rem; }
+.film-space svg { width: 100%; height: auto; }
 figure .white { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: .5rem; }
 pre { padding: .75rem 1rem; border: 1px solid var(--line); border-radius: 8px; white-space: pre-wrap; overflow-wrap: anywhere;
   font: .875rem/1.5 ui-monospace, monospace; }

@@ -1,5 +1,6 @@
 //! A sequence that plays in a report: its frames with the objects and their mapped keypoints. It
-//! needs no script: an animation of CSS shows every frame in its part of the time.
+//! needs no script: an animation of CSS shows every frame in its part of the time. In space, where
+//! there is no image to play, its coordinates are drawn over the frames.
 
 use std::fmt::Write as _;
 
@@ -11,6 +12,7 @@ use crate::data::{SequenceRange, ranges};
 use crate::error::Result;
 use crate::evaluation::{EvaluationReport, ObjectReport, Scoring};
 use crate::metric::Settings;
+use crate::report::draw::{Color, LineFigure, LineSeries, Theme, lines_to_svg};
 
 /// Frames of a film; of a longer sequence the first ones are shown.
 const MOST_FRAMES: usize = 120;
@@ -22,6 +24,8 @@ const EMBEDDED: &str = "data:image/";
 const SPEED: f64 = 5.0;
 /// Width of the drawing, in its own pixels.
 const WIDTH: f64 = 480.0;
+/// Width and height of a plot of one coordinate, in pixels.
+const PLOT: [u32; 2] = [352, 200];
 /// How far a mark reaches from its middle.
 const MARK: f64 = 7.0;
 /// After M. Okabe and K. Ito, told apart by everyone; those of the page.
@@ -32,8 +36,9 @@ const COLORS: [&str; 7] = [
 /// would leave a gap.
 const OVERLAP: f64 = 1e-4;
 
-/// A position in ndc; `None` where it is not visible.
-type Position = Option<[f64; 2]>;
+/// A position, (x, y) in ndc or (x, y, z) in the unit of the ground truth; `None` where it is not
+/// visible.
+type Position = Option<Vec<f64>>;
 
 /// A sequence with objects, and images where there are some.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -68,7 +73,7 @@ pub struct FilmTrack {
 
 impl Film {
     /// The first frames of the sequence in which the objects cover the longest paths, with the best
-    /// keypoints and without images; `None` in space, or where no object has a keypoint.
+    /// keypoints and without images; `None` where no object has a keypoint.
     ///
     /// # Errors
     /// As [`Scoring::series`].
@@ -77,9 +82,6 @@ impl Film {
         report: &EvaluationReport,
         settings: &Settings,
     ) -> Result<Option<Self>> {
-        if scoring.axes() != [2, 2] {
-            return Ok(None);
-        }
         let best = |(k, object): (usize, &ObjectReport)| {
             let keypoint = object.best_keypoint?;
             Some((object.name.clone(), k, keypoint))
@@ -124,13 +126,25 @@ impl Film {
         }))
     }
 
+    /// Whether its positions are in space: it has no images.
+    pub fn is_in_space(&self) -> bool {
+        let mut positions = self.tracks.iter().flat_map(|track| &track.truth).flatten();
+        positions.next().is_some_and(|point| point.len() > 2)
+    }
+
     /// The film as a part of a page; nothing without frames.
-    pub(super) fn to_html(&self) -> Markup {
+    ///
+    /// # Errors
+    /// When coordinates cannot be drawn.
+    pub(super) fn to_html(&self) -> Result<Markup> {
         let count = self.shown();
         if count == 0 {
-            return html! {};
+            return Ok(html! {});
         }
-        html! {
+        if self.is_in_space() {
+            return self.coordinates(count);
+        }
+        Ok(html! {
             h2 { "How it moves" }
             div #film {
                 input #film-pause type="checkbox";
@@ -149,7 +163,53 @@ impl Film {
                      Diamonds: the keypoint under its fitted map. Lines: their paths, those of keypoints dashed."
                 }
             }
+        })
+    }
+
+    /// Every coordinate of every object over the frames.
+    fn coordinates(&self, count: usize) -> Result<Markup> {
+        const AXES: [&str; 3] = ["x", "y", "z"];
+        let theme = Theme::PRINT;
+        let line = |label: &str, color: Color, points: &[Position], axis: usize| LineSeries {
+            label: label.to_owned(),
+            color,
+            values: points
+                .iter()
+                .take(count)
+                .map(|point| coordinate(point, axis))
+                .collect(),
+        };
+        let mut figures = Vec::new();
+        for track in &self.tracks {
+            let mapped = format!("keypoint {}", track.keypoint);
+            for (axis, name) in AXES.iter().enumerate() {
+                let lines = LineFigure {
+                    title: String::new(),
+                    x_label: "frame".to_owned(),
+                    y_label: (*name).to_owned(),
+                    start: self.frames.first().map_or(0.0, |frame| *frame as f64),
+                    series: vec![
+                        line(&track.object, theme.accent, &track.truth, axis),
+                        line(&mapped, theme.bad, &track.mapped, axis),
+                    ],
+                    cursor: None,
+                    from_zero: false,
+                    foreground: theme.foreground,
+                    background: theme.background,
+                    grid: theme.grid,
+                    font_size: theme.font_size,
+                };
+                figures.push(lines_to_svg(&lines, PLOT[0], PLOT[1])?);
+            }
         }
+        Ok(html! {
+            h2 { "How it moves" }
+            div.film-space { @for svg in &figures { (PreEscaped(svg)) } }
+            p {
+                "Sequence " (self.sequence) ": " (count) " of " (self.length) " frames, in the unit of the ground truth. \
+                 Of each object x, y and z, and those of its keypoint under the fitted map."
+            }
+        })
     }
 
     /// How many frames are shown: those whose images fit the budget.
@@ -171,7 +231,11 @@ impl Film {
     fn svg(&self, count: usize) -> String {
         let [width, height] = self.size.map(|side| f64::from(side.max(1)));
         let height = (WIDTH * height / width).clamp(WIDTH / 8.0, 2.0 * WIDTH);
-        let place = |[x, y]: [f64; 2]| [(x + 1.0) / 2.0 * WIDTH, (y + 1.0) / 2.0 * height];
+        let place = |point: &Position| {
+            let [x, y] = [0, 1].map(|axis| coordinate(point, axis));
+            let placed = [(x + 1.0) / 2.0 * WIDTH, (y + 1.0) / 2.0 * height];
+            point.as_ref().map(|_| placed)
+        };
         let frame = |i: usize, inside: Markup| {
             let seconds = count as f64 / SPEED;
             let delay = i as f64 / SPEED - seconds;
@@ -191,7 +255,7 @@ impl Film {
                 }
                 @for (track, color) in self.tracks.iter().zip(COLORS) {
                     @for (points, dashes) in [(&track.truth, "none"), (&track.mapped, "4 3")] {
-                        path d=(path(points.iter().take(count).map(|p| p.map(place)))) fill="none" stroke=(color)
+                        path d=(path(points.iter().take(count).map(place))) fill="none" stroke=(color)
                             stroke-width="1.5" stroke-opacity="0.65" stroke-dasharray=(dashes) {}
                     }
                 }
@@ -199,7 +263,7 @@ impl Film {
                     (frame(i, html! {
                         @for (track, color) in self.tracks.iter().zip(COLORS) {
                             @for (points, mark) in [(&track.truth, "#film-truth"), (&track.mapped, "#film-mapped")] {
-                                @if let Some([x, y]) = points.get(i).copied().flatten().map(place) {
+                                @if let Some([x, y]) = points.get(i).and_then(place) {
                                     use href=(mark) x=(format!("{x:.1}")) y=(format!("{y:.1}")) color=(color) {}
                                 }
                             }
@@ -219,21 +283,33 @@ impl Film {
 fn positions(points: &Array2<f64>, range: &SequenceRange, count: usize) -> Vec<Position> {
     let rows = points.slice(s![range.start..range.start + count, ..]);
     let rows = rows.rows().into_iter();
-    rows.map(|row| Some([row[0], row[1]]).filter(|point| point.iter().all(|v| v.is_finite())))
+    rows.map(|row| Some(row.to_vec()).filter(|point| point.iter().all(|v| v.is_finite())))
         .collect()
+}
+
+/// A coordinate of a position; NaN where there is none.
+fn coordinate(point: &Position, axis: usize) -> f64 {
+    let point = point.as_ref();
+    point
+        .and_then(|point| point.get(axis))
+        .copied()
+        .unwrap_or(f64::NAN)
 }
 
 /// How long a path is, where it is visible.
 fn length(path: &[Position]) -> f64 {
     let steps = path.windows(2).filter_map(|pair| match pair {
-        [Some(a), Some(b)] => Some((a[0] - b[0]).hypot(a[1] - b[1])),
+        [Some(a), Some(b)] => {
+            let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+            Some(squares.sum::<f64>().sqrt())
+        }
         _ => None,
     });
     steps.sum()
 }
 
 /// A path through points, with gaps where there are none.
-fn path(points: impl Iterator<Item = Position>) -> String {
+fn path(points: impl Iterator<Item = Option<[f64; 2]>>) -> String {
     let mut path = String::new();
     let mut is_down = false;
     for point in points {
@@ -282,7 +358,7 @@ mod tests {
     use super::*;
 
     fn film(frames: usize, image: Option<&str>) -> Film {
-        let at = |t: usize| Some([t as f64 / frames as f64, 0.0]);
+        let at = |t: usize| Some(vec![t as f64 / frames as f64, 0.0]);
         Film {
             sequence: "a <b>".to_owned(),
             length: frames,
@@ -302,6 +378,7 @@ mod tests {
     fn every_frame_has_its_turn_and_nothing_comes_from_elsewhere() {
         let page = film(4, Some("https://example.org/a.png"))
             .to_html()
+            .expect("a film")
             .into_string();
         assert!(!page.contains("example.org"));
         assert!(page.contains("a &lt;b&gt;: 4 of 4 frames"));
@@ -318,16 +395,25 @@ mod tests {
     #[test]
     fn what_is_too_much_for_a_page_is_left_out_and_counted() {
         let image = format!("data:image/png;base64,{}", "A".repeat(BUDGET / 10));
-        let page = film(50, Some(&image)).to_html().into_string();
+        let html = |film: Film| film.to_html().expect("a film").into_string();
+        let page = html(film(50, Some(&image)));
         assert!(page.contains("9 of 50 frames"));
         assert!(page.len() < BUDGET + 100_000);
-        assert!(
-            film(500, None)
-                .to_html()
-                .into_string()
-                .contains("120 of 500 frames")
-        );
-        assert_eq!(film(0, None).to_html().into_string(), "");
+        assert!(html(film(500, None)).contains("120 of 500 frames"));
+        assert_eq!(html(film(0, None)), "");
+    }
+
+    #[test]
+    fn in_space_coordinates_are_drawn() {
+        let mut film = film(4, None);
+        let point = |t: usize| Some(vec![t as f64, 0.5, 7.0]);
+        film.tracks[0].truth = (0..4).map(point).collect();
+        film.tracks[0].mapped = vec![point(0), None, point(2), point(3)];
+        assert!(film.is_in_space());
+        let page = film.to_html().expect("a film").into_string();
+        assert_eq!(page.matches("<svg").count(), 3);
+        assert!(page.contains("4 of 4 frames, in the unit of the ground truth"));
+        assert!(!page.contains("film-frame"));
     }
 
     #[test]
@@ -338,7 +424,7 @@ mod tests {
             start: 1,
             length: 3,
         };
-        assert_eq!(positions(&points, &range, 2), [Some([1.0, 1.1]), None]);
+        assert_eq!(positions(&points, &range, 2), [Some(vec![1.0, 1.1]), None]);
     }
 
     #[test]

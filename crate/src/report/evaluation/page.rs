@@ -22,7 +22,7 @@ pub fn evaluation_page(report: &EvaluationReport, film: Option<&Film>) -> Result
             (report.version) }
         (summary(report))
         p { (protocol(report)) }
-        @if let Some(film) = film { (film.to_html()) }
+        @if let Some(film) = film { (film.to_html()?) }
         @for one in &figures { (figure(one, true)) }
         @if report.transform != "identity" { h2 { "Fitted maps" } (maps(report).to_html()) }
         @if let Some(sequences) = &report.sequences {

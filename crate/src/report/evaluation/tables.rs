@@ -68,6 +68,16 @@ pub fn evaluation_csv(report: &EvaluationReport) -> String {
     table.to_csv()
 }
 
+/// A threshold as it was given; one that was computed has more digits than anybody reads.
+fn threshold(value: f64) -> Cell {
+    const GIVEN: usize = 8;
+    let precision = match value.to_string().len() <= GIVEN {
+        true => Precision::Full,
+        false => Precision::Short,
+    };
+    Cell::number(value, None, precision)
+}
+
 /// The objects as a LaTeX table for a paper, with how they were scored in its caption.
 pub fn evaluation_tex(report: &EvaluationReport) -> String {
     let pixels = report.objects.iter().any(|object| object.rmse_px.is_some());
@@ -96,7 +106,7 @@ pub fn evaluation_tex(report: &EvaluationReport) -> String {
             .find_map(|interval| interval.error);
         let mut cells = vec![
             Cell::text(&object.name),
-            Cell::number(object.threshold, None, Precision::Full),
+            threshold(object.threshold),
             Cell::number(object.error, interval, Precision::Short)
                 .emphasis(Emphasis::verdict(object.tracked)),
         ];
@@ -148,7 +158,7 @@ fn object_cells(report: &EvaluationReport, object: &ObjectReport, pixels: bool) 
         Cell::text(&object.name),
         Cell::text(tracked).emphasis(Emphasis::verdict(object.tracked)),
         Cell::number(object.error, interval, Precision::Short),
-        Cell::number(object.threshold, None, Precision::Full),
+        threshold(object.threshold),
     ];
     if let Some(held_out) = &report.held_out {
         let own = held_out.objects.iter().find(|own| own.name == object.name);
