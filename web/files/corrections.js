@@ -220,6 +220,12 @@ function hasOwnBoard({ parsed, options }) {
 }
 
 /**
+ * Sizes that are half entered: the list of files may be drawn anew in between.
+ * @type {WeakMap<Entry, [string, string]>}
+ */
+const begun = new WeakMap();
+
+/**
  * Width and height of images that are not here, or of a simulator's board.
  * @param {Session} session
  * @param {Entry} entry
@@ -234,7 +240,8 @@ export function sizeField(session, entry) {
       ? session.setTableOptions(entry, { space: size && "px", imageSize: size })
       : session.setImageSize(size);
   const hint = h("span", { class: "hint", role: "status" });
-  const side = (/** @type {"width" | "height"} */ name, /** @type {number | undefined} */ value) =>
+  const entered = begun.get(entry) ?? [0, 1].map((i) => String(given?.[i] ?? ""));
+  const [width, height] = ["width", "height"].map((name, i) =>
     h("input", {
       type: "number",
       name: `image-${name}`,
@@ -242,11 +249,13 @@ export function sizeField(session, entry) {
       step: "1",
       inputMode: "numeric",
       "aria-label": `${what} ${name} in pixels, for ${baseName(path)}`,
-      value: value === undefined ? "" : String(value),
+      value: entered[i],
+      oninput: () => begun.set(entry, [width.value, height.value]),
       onchange: () => take(),
-    });
-  const [width, height] = [side("width", given?.[0]), side("height", given?.[1])];
+    }),
+  );
   const take = () => {
+    begun.set(entry, [width.value, height.value]);
     const size = /** @type {[number, number]} */ ([width.valueAsNumber, height.valueAsNumber]);
     const isSide = (/** @type {number} */ pixels) => Number.isInteger(pixels) && pixels > 0;
     const isEmpty = width.value === "" || height.value === "";
@@ -256,7 +265,9 @@ export function sizeField(session, entry) {
       input.setAttribute("aria-invalid", String(input.value !== "" && !isSide(size[i])));
     }
     const isTakenBack = width.value === "" && height.value === "" && given !== undefined;
-    if (isValid || isTakenBack) void set(isValid ? size : undefined);
+    if (!isValid && !isTakenBack) return;
+    begun.delete(entry);
+    void set(isValid ? size : undefined);
   };
   return h(
     "fieldset",

@@ -7,7 +7,7 @@ use super::export::Export;
 use super::named_arrays;
 use super::npy::{self, NpyArray};
 use super::points::{self, missing, no_numbers};
-use super::reading::{AxisOrder, Parsed, TableOptions};
+use super::reading::{AxisOrder, Notice, TableOptions};
 use super::sequences::{Sequences, Within};
 use super::table::{Columns, ground_truth_csv};
 use crate::error::Result;
@@ -59,7 +59,8 @@ impl PointFile {
         }
         // Those of episodes that lie in groups of their own are no arrays of the file.
         let points = points::ground_truth(file, &TableOptions::default())?;
-        Ok(StoredPoints::Table(table_of(points)))
+        let table = table_of(&points.content, points.notices);
+        Ok(StoredPoints::Table(table))
     }
 
     /// The arrays that may hold the positions of objects, with their shapes: all of numbers, of a
@@ -78,15 +79,16 @@ impl PointFile {
     /// # Errors
     /// When an array is not there, or holds no positions.
     pub fn named(&self, columns: &Columns) -> Result<Export> {
-        named_arrays::as_they_are(&*self.0, columns).map(table_of)
+        let truth = named_arrays::as_they_are(&*self.0, columns)?;
+        Ok(table_of(&truth, Vec::new()))
     }
 }
 
-fn table_of(points: Parsed<GroundTruth>) -> Export {
+fn table_of(truth: &GroundTruth, notices: Vec<Notice>) -> Export {
     Export {
-        table: ground_truth_csv(&points.content).into_bytes(),
+        table: ground_truth_csv(truth).into_bytes(),
         space: None,
-        notices: points.notices,
+        notices,
     }
 }
 

@@ -3,12 +3,12 @@
 
 use std::ops::Range;
 
-use ndarray::{Array3, Axis, s};
+use ndarray::{Array3, Axis, concatenate, s};
 
 use super::arrays::{ArrayFile, check_declared, listed};
 use super::memory::PointSequences;
-use super::points::{episode_names, floats, sequence_names};
-use super::reading::{Parsed, Space, TableOptions};
+use super::points::{episode_names, floats, keys, sequence_names};
+use super::reading::{Parsed, TableOptions};
 use super::sequences::{Sequences, Within};
 use super::table::Columns;
 use crate::error::{Error, Reason, Result};
@@ -143,13 +143,16 @@ pub(super) fn ground_truth(
 ///
 /// # Errors
 /// When an array is not there or holds no positions.
-pub(super) fn as_they_are(file: &dyn ArrayFile, columns: &Columns) -> Result<Parsed<GroundTruth>> {
-    let named = Named::read(file, columns)?;
-    let options = TableOptions {
-        space: named.is_flat().then_some(Space::Ndc),
-        ..TableOptions::default()
-    };
-    named.into_truth(&options)
+pub(super) fn as_they_are(file: &dyn ArrayFile, columns: &Columns) -> Result<GroundTruth> {
+    let Named {
+        objects,
+        sequences,
+        positions,
+    } = Named::read(file, columns)?;
+    let views: Vec<_> = positions.iter().map(|one| one.view()).collect();
+    let lengths: Vec<usize> = positions.iter().map(|one| one.dim().0).collect();
+    let points = concatenate(Axis(0), &views).map_err(|e| Error::mismatch(e.to_string()))?;
+    GroundTruth::new(keys(&sequences, &lengths), objects, points)
 }
 
 /// Objects by name with their positions.
@@ -234,8 +237,8 @@ fn together(objects: &[Array3<f64>], names: &[String]) -> Result<Vec<Array3<f64>
             "`{}` has positions of shape {:?}, `{name}` of {:?}; expected the same sequences, \
              frames and coordinates",
             names[0],
-            first.dim(),
-            other.dim()
+            first.shape(),
+            other.shape()
         )));
     }
     let mut all = vec![Array3::zeros((frames, objects.len(), axes)); count];

@@ -1,10 +1,10 @@
 //! Recordings that stay in their files, in JavaScript.
 
-use serde::Serialize;
+use js_sys::Array;
 use wasm_bindgen::prelude::*;
 
-use super::table::{stored_to_js, table_to_js};
-use super::{JsResult, js_error, to_js};
+use super::table::{object, stored_to_js, table_to_js};
+use super::{JsResult, js_error};
 use crate::data::{FrameSource as _, PointFile, Recording};
 use crate::error::{Error, Reason, Result};
 
@@ -60,18 +60,14 @@ impl Opened {
     /// # Errors
     /// As [`PointFile::candidates`].
     pub fn candidates(&self) -> JsResult<JsValue> {
-        #[derive(Serialize)]
-        struct Candidate {
-            name: String,
-            shape: Vec<u64>,
-        }
         let found = (self.points)().and_then(|file| file.candidates());
         let found = found.map_err(|e| js_error(&e.at(&self.name)))?;
-        let found = found.into_iter();
-        let found: Vec<_> = found
-            .map(|(name, shape)| Candidate { name, shape })
-            .collect();
-        to_js(&found)
+        let list = Array::new();
+        for (name, shape) in found {
+            let shape: Array = shape.iter().map(|n| JsValue::from(*n as f64)).collect();
+            list.push(&object([("name", name.into()), ("shape", shape.into())])?);
+        }
+        Ok(list.into())
     }
 
     /// The positions of the objects that `columns` names, as `readPoints` gives a table.

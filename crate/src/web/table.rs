@@ -56,7 +56,7 @@ pub(super) fn table_to_js(export: &Export) -> JsResult<JsValue> {
     ])
 }
 
-fn object<const N: usize>(entries: [(&str, JsValue); N]) -> JsResult<JsValue> {
+pub(super) fn object<const N: usize>(entries: [(&str, JsValue); N]) -> JsResult<JsValue> {
     let object = Object::new();
     for (name, value) in entries {
         Reflect::set(&object, &name.into(), &value)?;
