@@ -71,15 +71,13 @@ export async function unpack(blob, entry, path, isVerified = true) {
   const start = LOCAL_HEADER + header.getUint16(26, true) + header.getUint16(28, true);
   const end = start + entry.packed;
   const isRead = isSmall && end <= read.byteLength;
-  const packed = isRead
-    ? new Blob([read.slice(start, end)])
-    : blob.slice(entry.offset + start, entry.offset + end);
-  if (packed.size !== entry.packed) throw damaged(path, "the archive ends before it does");
-  if (!entry.deflated && !isVerified) return packed;
+  const inPlace = () => blob.slice(entry.offset + start, entry.offset + end);
+  if (entry.offset + end > blob.size) throw damaged(path, "the archive ends before it does");
+  if (!entry.deflated && !isVerified) return inPlace();
   const whole = new Meter(entry, path);
   const bytes = isRead
-    ? /** @type {ReadableStream} */ (new Response(read.slice(start, end)).body)
-    : packed.stream();
+    ? /** @type {ReadableStream} */ (new Response(new Uint8Array(read, start, entry.packed)).body)
+    : inPlace().stream();
   const inflated = entry.deflated
     ? bytes.pipeThrough(new DecompressionStream("deflate-raw"))
     : bytes;
@@ -87,7 +85,7 @@ export async function unpack(blob, entry, path, isVerified = true) {
   try {
     if (!entry.deflated) {
       await unpacked.pipeTo(new WritableStream());
-      return packed;
+      return inPlace();
     }
     const response = new Response(unpacked);
     return isSmall ? new Blob([await response.arrayBuffer()]) : await response.blob();
