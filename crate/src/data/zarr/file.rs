@@ -93,6 +93,13 @@ impl Zarr {
         })
     }
 
+    #[cfg_attr(
+        target_arch = "wasm32",
+        allow(
+            clippy::arc_with_non_send_sync,
+            reason = "zarrs takes an Arc of what it does not share"
+        )
+    )]
     fn array(&self, path: &str) -> Result<Arc<InThread<Opened>>> {
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(array) = open.get(path) {
