@@ -60,7 +60,10 @@ export function showList(session) {
   const place = byId("files");
   const focused = place.contains(document.activeElement) ? document.activeElement : null;
   fill(place, ...items);
-  if (focused) focusAgain(place, focused);
+  if (!focused) return;
+  // A form that is kept has the same fields.
+  if (place.contains(focused)) /** @type {HTMLElement} */ (focused).focus();
+  else focusAgain(place, focused);
 }
 
 /**
@@ -169,9 +172,9 @@ function containerItem(session, container) {
     problems.length > 0 && noticeList([...problems.slice(0, LISTED_PROBLEMS), ...more]),
     objects &&
       disclosure(`objects ${path}`, ["Say which arrays are objects"], () =>
-        later(async () => {
+        formOf(container, async (place) => {
           const { objectMapper } = await import("./object-mapper.js");
-          return objectMapper(session, container, objects);
+          place.append(objectMapper(session, container, objects));
         }),
       ),
     error && notice("error", error, { isQuiet: true }),
@@ -201,23 +204,22 @@ function cameraField(session, container, { names, shown }) {
 }
 
 /**
- * What is shown once it is there.
- * @param {() => Promise<HTMLElement>} load
+ * Forms of files: what is half entered outlasts that the list is drawn anew.
+ * @type {WeakMap<Entry | Container, HTMLElement>}
  */
-function later(load) {
-  const place = h("div", {});
-  void load().then((element) => place.append(element));
-  return place;
-}
+const forms = new WeakMap();
 
 /**
- * Asks which column of a table is what, once that can be asked.
- * @param {Session} session
- * @param {Entry} entry
+ * The form of a file, filled once that can be done.
+ * @param {Entry | Container} of
+ * @param {(place: HTMLElement) => Promise<void>} make
  */
-function columnMapper(session, entry) {
-  const place = h("div", { class: "corrections column-mapper" });
-  void import("./column-mapper.js").then(({ askColumns }) => askColumns(place, session, entry));
+function formOf(of, make) {
+  const before = forms.get(of);
+  if (before) return before;
+  const place = h("div", { class: "corrections" });
+  forms.set(of, place);
+  void make(place);
   return place;
 }
 
@@ -251,7 +253,10 @@ function entryItem(session, entry) {
     entry.parsed.state === "used" && openerOf(session, entry),
     hasOtherColumns(entry) &&
       disclosure(`columns ${path}`, ["Its columns have other names"], () =>
-        columnMapper(session, entry),
+        formOf(entry, async (place) => {
+          const { askColumns } = await import("./column-mapper.js");
+          await askColumns(place, session, entry);
+        }),
       ),
     error !== "" &&
       notice("error", error, { isQuiet: true, dismiss: () => session.dismissError(path) }),
