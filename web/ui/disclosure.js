@@ -26,13 +26,17 @@ export function disclosure(key, summary, content) {
   const update = () => {
     if (details.open) opened.add(key);
     else opened.delete(key);
-    if (!details.open || content instanceof HTMLElement || details.childElementCount > 1) return;
-    const made = content();
-    details.append(made);
-    made.scrollTop = scrolled.get(key) ?? 0;
-    made.addEventListener("scroll", () => scrolled.set(key, made.scrollTop), { passive: true });
+    if (!details.open || content instanceof HTMLElement) return;
+    if (details.childElementCount === 1) {
+      const made = content();
+      details.append(made);
+      made.addEventListener("scroll", () => scrolled.set(key, made.scrollTop), { passive: true });
+    }
+    if (details.lastElementChild) details.lastElementChild.scrollTop = scrolled.get(key) ?? 0;
   };
   details.addEventListener("toggle", update);
   details.open = opened.has(key);
+  // At once, and not with the event: what is drawn anew has no gap. The event finds it in its place.
+  if (details.open) update();
   return details;
 }
