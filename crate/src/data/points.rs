@@ -3,8 +3,8 @@
 use ndarray::{Array2, Array3, Axis, s};
 
 use super::arrays::{
-    ArrayFile, CONFIDENCES, KEYPOINT, NODES, POINTS, TRACKS, Values, check_declared, check_frames,
-    count, find, listed,
+    ArrayFile, ArrayInfo, CONFIDENCES, KEYPOINT, NODES, POINTS, TRACKS, Values, check_declared,
+    check_frames, count, find, listed,
 };
 use super::names::cleaned;
 use super::reading::{
@@ -138,6 +138,227 @@ impl Arrangement {
                 ((individual * axes + axis) * nodes + node) * frames + t
             }
         }
+    }
+}
+
+/// An array of points as it lies in its file.
+struct Stored {
+    name: &'static str,
+    shape: Vec<u64>,
+    arrangement: Arrangement,
+    sequences: usize,
+    /// Those of a sequence.
+    frames: usize,
+    /// Those of a frame, of all individuals.
+    points: usize,
+    /// The coordinates of a point, 2 or 3.
+    axes: usize,
+    individuals: usize,
+}
+
+impl Stored {
+    /// # Errors
+    /// When an array of this type and shape holds no points, or more than memory does.
+    fn new(file: &dyn ArrayFile, name: &'static str, info: ArrayInfo) -> Result<Self> {
+        let arrangement = Arrangement::of(file, name)?;
+        let sizes = arrangement.sizes(&info.shape);
+        let ([sequences, frames, points], axes) = sizes.ok_or_else(|| {
+            let error = Error::input(format!(
+                "`{name}` ({}) has shape {:?}; expected {}",
+                info.dtype,
+                info.shape,
+                arrangement.expected()
+            ));
+            match info.shape.last() {
+                Some(3) if MOST_AXES == 2 => error.because(Reason::InSpace),
+                _ => error,
+            }
+        })?;
+        let size = |n: u64| count(n, name, &info.shape);
+        let (sequences, frames, points) = (size(sequences)?, size(frames)?, size(points)?);
+        check_frames(sequences, frames, name, &info.shape)?;
+        if info.kind.is_none() {
+            return Err(no_numbers(name, &info.dtype));
+        }
+        memory::check(
+            (sequences as u64)
+                .saturating_mul(frames as u64)
+                .saturating_mul(points as u64)
+                .saturating_mul(axes as u64 * 8 * 3),
+            "positions",
+            "is the file damaged?",
+        )
+        .map_err(|e| e.at(format!("`{name}`")))?;
+        let individuals = match (arrangement, info.shape.first()) {
+            (Arrangement::Sleap, Some(individuals)) => *individuals as usize,
+            _ => 1,
+        };
+        Ok(Self {
+            name,
+            shape: info.shape,
+            arrangement,
+            sequences,
+            frames,
+            points,
+            axes,
+            individuals,
+        })
+    }
+
+    /// The frames of all sequences.
+    fn rows(&self) -> usize {
+        self.sequences * self.frames
+    }
+
+    /// The first `coordinates` of every point, one frame after the other.
+    fn in_order(&self, given: Vec<f64>, coordinates: usize) -> Vec<f64> {
+        let (rows, points) = (self.rows(), self.points);
+        match self.arrangement {
+            Arrangement::Frames if coordinates < self.axes => {
+                let points = given.chunks_exact(self.axes);
+                points
+                    .flat_map(|point| &point[..coordinates])
+                    .copied()
+                    .collect()
+            }
+            Arrangement::Frames => given,
+            Arrangement::Points | Arrangement::Sleap => {
+                let all = (0..rows * points * 2).map(|i| [i / 2 / points, i / 2 % points, i % 2]);
+                let value = |at| {
+                    let place = self
+                        .arrangement
+                        .place([rows, points], 2, at, self.individuals);
+                    given.get(place).copied().unwrap_or(f64::NAN)
+                };
+                all.map(value).collect()
+            }
+        }
+    }
+
+    /// How the array is read, and what there is to say of it.
+    fn reading(
+        &self,
+        file: &dyn ArrayFile,
+        coordinates: usize,
+        options: &TableOptions,
+    ) -> Result<(Reading, Vec<Notice>)> {
+        let name = self.name;
+        let axes = match file.axes() {
+            Some(order) => Known::of(options.axes, order, Ground::File),
+            None => Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
+        };
+        let (source, reason) = match axes.by {
+            Ground::Said => ("as asked for", None),
+            Ground::File => ("as the file says", None),
+            Ground::Guess => (
+                "assumed, as the authors record",
+                Some(Reason::AssumedAxisOrder),
+            ),
+        };
+        let mut notices = vec![Notice {
+            text: format!("`{name}` is read as {}: {source}", axes.value),
+            reason,
+        }];
+        if coordinates < self.axes {
+            notices.push(format!("`{name}`: z is left out of {} points", self.points).into());
+        } else if MOST_AXES == 3 && coordinates == 3 {
+            notices.push(format!("`{name}`: the third number of a point is its z").into());
+        }
+        notices.extend(file.left_out().iter().cloned().map(Notice::from));
+        // TAP-Vid's points go from 0 to 1 across the image.
+        let is_share =
+            name == "points" && self.arrangement == Arrangement::Points && options.space.is_none();
+        if is_share {
+            notices.push("`points` are read as shares of the image".to_owned().into());
+        }
+        let (space, by) = match name {
+            "tracks" => (Space::Pixels, Ground::File),
+            _ if is_share => (Space::Fraction, Ground::File),
+            _ => (Space::Ndc, Ground::Guess),
+        };
+        let mut reading = Reading {
+            layout: Layout::Arrays,
+            space: Known::of(options.space, space, by),
+            axes,
+            // Frames are the positions in the array.
+            index_base: Known::of(None, 0, Ground::File),
+            ..Reading::new(Layout::Arrays, options)
+        };
+        if MOST_AXES == 3 && coordinates == 3 {
+            reading.in_space(options)?;
+        }
+        Ok((reading, notices))
+    }
+
+    /// The names of the points, numbers where the file has none.
+    fn point_names(&self, file: &dyn ArrayFile, notices: &mut Vec<Notice>) -> Result<Vec<String>> {
+        if self.arrangement == Arrangement::Sleap {
+            return names_of_sleap(file, self.points, self.individuals);
+        }
+        match file.point_names() {
+            Ok(Some(names)) if names.len() == self.points => {
+                let cleaned = |name: &String| cleaned(name).into_owned();
+                Ok(names.iter().map(cleaned).collect())
+            }
+            Ok(Some(names)) => Err(Error::mismatch(format!(
+                "the file names {} points ({}), `{}` has {}; expected one name each",
+                names.len(),
+                names.join(", "),
+                self.name,
+                self.points
+            ))),
+            Ok(None) => Ok(numbered(self.points)),
+            Err(problem) => {
+                notices.push(format!("{problem}: points have numbers").into());
+                Ok(numbered(self.points))
+            }
+        }
+    }
+
+    /// The confidences of all points, where the file has them in the same arrangement. Those that say
+    /// what is visible hide what is not.
+    fn confidence(
+        &self,
+        file: &dyn ArrayFile,
+        points: &mut Array3<f64>,
+        notices: &mut Vec<Notice>,
+    ) -> Result<Option<Array2<f64>>> {
+        let Some((name, info)) = find(file, &CONFIDENCES)? else {
+            return Ok(None);
+        };
+        let (rows, count, _) = points.dim();
+        let number = info
+            .shape
+            .iter()
+            .try_fold(1, |n: u64, side| n.checked_mul(*side));
+        if info.kind.is_none() || number != Some((rows * count) as u64) {
+            notices.push(
+                format!(
+                    "`{name}` ({}, shape {:?}) does not say how sure each point is, and is left out",
+                    info.dtype, info.shape
+                )
+                .into(),
+            );
+            return Ok(None);
+        }
+        let given = floats(file.read(name, &[])?);
+        let mut confidence = Array2::from_elem((rows, count), f64::NAN);
+        for ((t, k), confidence) in confidence.indexed_iter_mut() {
+            let place = self
+                .arrangement
+                .place([rows, count], 1, [t, k, 0], self.individuals);
+            let value = given.get(place).copied().unwrap_or(f64::NAN);
+            *confidence = if name == "occluded" {
+                1.0 - value
+            } else {
+                value
+            };
+            let says_visible = ["visibility", "visibles", "occluded"].contains(&name);
+            if says_visible && *confidence == 0.0 {
+                points.slice_mut(s![t, k, ..]).fill(f64::NAN);
+            }
+        }
+        Ok(Some(confidence))
     }
 }
 
@@ -275,42 +496,8 @@ impl Points {
         let Some((name, info)) = find(file, &POINTS)? else {
             return Ok(None);
         };
-        let arrangement = Arrangement::of(file, name)?;
-        let sizes = arrangement.sizes(&info.shape);
-        let ([sequences, frames, points], axes_in_file) = sizes.ok_or_else(|| {
-            let error = Error::input(format!(
-                "`{name}` ({}) has shape {:?}; expected {}",
-                info.dtype,
-                info.shape,
-                arrangement.expected()
-            ));
-            match info.shape.last() {
-                Some(3) if MOST_AXES == 2 => error.because(Reason::InSpace),
-                _ => error,
-            }
-        })?;
-        let size = |n: u64| count(n, name, &info.shape);
-        let (sequences, frames, points) = (size(sequences)?, size(frames)?, size(points)?);
-        check_frames(sequences, frames, name, &info.shape)?;
-        if info.kind.is_none() {
-            return Err(no_numbers(name, &info.dtype));
-        }
-        memory::check(
-            (sequences as u64)
-                .saturating_mul(frames as u64)
-                .saturating_mul(points as u64)
-                .saturating_mul(axes_in_file as u64 * 8 * 3),
-            "positions",
-            "is the file damaged?",
-        )
-        .map_err(|e| e.at(format!("`{name}`")))?;
-        let individuals = match (arrangement, info.shape.first()) {
-            (Arrangement::Sleap, Some(individuals)) => *individuals as usize,
-            _ => 1,
-        };
-        let rows = sequences * frames;
-        let given = floats(file.read(name, &[])?);
-        let coordinates = if options.xy_only { 2 } else { axes_in_file };
+        let array = Stored::new(file, name, info)?;
+        let coordinates = if options.xy_only { 2 } else { array.axes };
         if name == KEYPOINT && coordinates == 2 && options.space.is_none() {
             return Err(Error::input(format!(
                 "the unit of `{name}` is that of its simulator, and the file does not say which; \
@@ -318,102 +505,20 @@ impl Points {
             ))
             .because(Reason::UnknownUnit));
         }
-        let mut values: Vec<f64> = match arrangement {
-            Arrangement::Frames if coordinates < axes_in_file => {
-                let points = given.chunks_exact(axes_in_file);
-                points
-                    .flat_map(|point| &point[..coordinates])
-                    .copied()
-                    .collect()
-            }
-            Arrangement::Frames => given,
-            _ => {
-                let all = (0..rows * points * 2).map(|i| [i / 2 / points, i / 2 % points, i % 2]);
-                let value = |at| {
-                    let place = arrangement.place([rows, points], 2, at, individuals);
-                    given.get(place).copied().unwrap_or(f64::NAN)
-                };
-                all.map(value).collect()
-            }
-        };
-        let axes = match file.axes() {
-            Some(order) => Known::of(options.axes, order, Ground::File),
-            None => Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
-        };
-        let (source, reason) = match axes.by {
-            Ground::Said => ("as asked for", None),
-            Ground::File => ("as the file says", None),
-            Ground::Guess => (
-                "assumed, as the authors record",
-                Some(Reason::AssumedAxisOrder),
-            ),
-        };
-        let mut notices = vec![Notice {
-            text: format!("`{name}` is read as {}: {source}", axes.value),
-            reason,
-        }];
-        if coordinates < axes_in_file {
-            notices.push(format!("`{name}`: z is left out of {points} points").into());
-        } else if MOST_AXES == 3 && coordinates == 3 {
-            notices.push(format!("`{name}`: the third number of a point is its z").into());
-        }
-        notices.extend(file.left_out().iter().cloned().map(Notice::from));
-        // TAP-Vid's points go from 0 to 1 across the image.
-        let is_share =
-            name == "points" && arrangement == Arrangement::Points && options.space.is_none();
-        if is_share {
-            notices.push("`points` are read as shares of the image".to_owned().into());
-        }
-        let (space, by) = match name {
-            "tracks" => (Space::Pixels, Ground::File),
-            _ if is_share => (Space::Fraction, Ground::File),
-            _ => (Space::Ndc, Ground::Guess),
-        };
-        let mut reading = Reading {
-            layout: Layout::Arrays,
-            space: Known::of(options.space, space, by),
-            axes,
-            // Frames are the positions in the array.
-            index_base: Known::of(None, 0, Ground::File),
-            ..Reading::new(Layout::Arrays, options)
-        };
-        if MOST_AXES == 3 && coordinates == 3 {
-            reading.in_space(options)?;
-        }
-        let lacks_size = reading.space.value == Space::Pixels && options.image_size.is_none();
+        let mut values = array.in_order(floats(file.read(name, &[])?), coordinates);
+        let (reading, mut notices) = array.reading(file, coordinates, options)?;
         place(&mut values, coordinates, &reading, options);
-        let mut no_names = |problem: &Error| {
-            notices.push(format!("{problem}: points have numbers").into());
-        };
-        let names = match (arrangement, file.point_names()) {
-            (Arrangement::Sleap, _) => names_of_sleap(file, points, individuals)?,
-            (_, Err(e)) => {
-                no_names(&e);
-                numbered(points)
-            }
-            (_, Ok(Some(names))) if names.len() == points => names
-                .iter()
-                .map(|name| cleaned(name).into_owned())
-                .collect(),
-            (_, Ok(Some(names))) => {
-                return Err(Error::mismatch(format!(
-                    "the file names {} points ({}), `{name}` has {points}; expected one name each",
-                    names.len(),
-                    names.join(", ")
-                )));
-            }
-            (_, Ok(None)) => numbered(points),
-        };
+        let names = array.point_names(file, &mut notices)?;
         let length = values.len();
-        let mut values =
-            Array3::from_shape_vec((rows, points, coordinates), values).map_err(|_| {
-                Error::input(format!(
-                    "`{name}` holds {length} values for shape {:?}",
-                    info.shape
-                ))
-            })?;
-        let confidence = confidence(file, arrangement, &mut values, individuals, &mut notices)?;
-        if lacks_size {
+        let shape = (array.rows(), array.points, coordinates);
+        let mut values = Array3::from_shape_vec(shape, values).map_err(|_| {
+            Error::input(format!(
+                "`{name}` holds {length} values for shape {:?}",
+                array.shape
+            ))
+        })?;
+        let confidence = array.confidence(file, &mut values, &mut notices)?;
+        if reading.space.value == Space::Pixels && options.image_size.is_none() {
             return Err(missing_image_size(
                 &format!("the positions of `{name}`"),
                 reading.space.by,
@@ -424,9 +529,9 @@ impl Points {
             notices,
             confidence,
             reading,
-            shape: info.shape,
-            sequences: sequence_names(sequences),
-            lengths: vec![frames; sequences],
+            sequences: sequence_names(array.sequences),
+            lengths: vec![array.frames; array.sequences],
+            shape: array.shape,
             values,
             names,
         }))
@@ -519,51 +624,6 @@ fn numbers(lengths: &[usize], t: usize) -> [usize; 2] {
         frame -= length;
     }
     [lengths.len(), frame]
-}
-
-/// The confidences of all points, where the file has them in the same arrangement. Those that say
-/// what is visible hide what is not.
-fn confidence(
-    file: &dyn ArrayFile,
-    arrangement: Arrangement,
-    points: &mut Array3<f64>,
-    individuals: usize,
-    notices: &mut Vec<Notice>,
-) -> Result<Option<Array2<f64>>> {
-    let Some((name, info)) = find(file, &CONFIDENCES)? else {
-        return Ok(None);
-    };
-    let (rows, count, _) = points.dim();
-    let number = info
-        .shape
-        .iter()
-        .try_fold(1, |n: u64, side| n.checked_mul(*side));
-    if info.kind.is_none() || number != Some((rows * count) as u64) {
-        notices.push(
-            format!(
-                "`{name}` ({}, shape {:?}) does not say how sure each point is, and is left out",
-                info.dtype, info.shape
-            )
-            .into(),
-        );
-        return Ok(None);
-    }
-    let given = floats(file.read(name, &[])?);
-    let mut confidence = Array2::from_elem((rows, count), f64::NAN);
-    for ((t, k), confidence) in confidence.indexed_iter_mut() {
-        let place = arrangement.place([rows, count], 1, [t, k, 0], individuals);
-        let value = given.get(place).copied().unwrap_or(f64::NAN);
-        *confidence = if name == "occluded" {
-            1.0 - value
-        } else {
-            value
-        };
-        let says_visible = ["visibility", "visibles", "occluded"].contains(&name);
-        if says_visible && *confidence == 0.0 {
-            points.slice_mut(s![t, k, ..]).fill(f64::NAN);
-        }
-    }
-    Ok(Some(confidence))
 }
 
 /// `track/node`, or the node alone where there is one track.

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::rows::{NonMaxU32, Points, Raw, Row, Sequences};
 use crate::data::names::{cleaned, last_number};
-use crate::data::reading::Layout;
+use crate::data::reading::{Layout, Notice};
 use crate::error::{Error, Result};
 
 #[derive(Deserialize)]
@@ -51,7 +51,9 @@ impl Annotation {
     fn track(&self) -> Option<String> {
         let track = self.track_id.as_ref();
         let track = track.or_else(|| self.attributes.get("track_id"))?;
-        (!track.is_null()).then(|| id(track))
+        (!track.is_null())
+            .then(|| id(track))
+            .filter(|track| !track.is_empty())
     }
 
     /// Whether any keypoint is at a place.
@@ -70,6 +72,13 @@ struct Category {
     #[serde(default)]
     name: String,
     keypoints: Option<Vec<String>>,
+}
+
+impl Category {
+    /// The names of its keypoints.
+    fn names(&self) -> &[String] {
+        self.keypoints.as_deref().unwrap_or_default()
+    }
 }
 
 /// Annotations whose errors say which one it is.
@@ -207,177 +216,247 @@ fn by_id<'a, T>(
     Ok(found)
 }
 
+/// Which person or animal an annotation shows, and in which image.
+#[derive(PartialEq, Eq, Hash)]
+struct Instance {
+    image: String,
+    category: String,
+    track: Option<String>,
+}
+
+impl Instance {
+    fn of(annotation: &Annotation) -> Self {
+        Self {
+            image: id(&annotation.image_id),
+            category: id(&annotation.category_id),
+            track: annotation.track(),
+        }
+    }
+}
+
 pub fn read(text: &str, stem: &str) -> Result<Raw> {
     let text = without_nan(text);
-    let wrong = |e: serde_json::Error| {
-        Error::input(format!(
-            "not COCO keypoints: {e}; expected JSON with `images`, `annotations` and `categories`, or a list of results"
-        ))
-    };
-    let file = match text.trim_start().starts_with('[') {
-        true => File {
-            images: Vec::new(),
-            annotations: serde_json::from_str(&text).map_err(wrong)?,
-            categories: Vec::new(),
-        },
-        false => serde_json::from_str(&text).map_err(wrong)?,
-    };
     let is_results = text.trim_start().starts_with('[');
-    let images = by_id(&file.images, |image| &image.id, "images")?;
-    let categories = by_id(&file.categories, |category| &category.id, "categories")?;
-    let names_of = |category: &Category| category.keypoints.clone().unwrap_or_default();
-    let with_keypoints = file
-        .categories
-        .iter()
-        .filter(|c| !names_of(c).is_empty())
-        .count();
-    let mut raw = Raw {
-        layout: Layout::Coco,
-        sequences: Vec::new(),
-        points: Vec::new(),
-        rows: Vec::new(),
-        heights: Vec::new(),
-        sizes: Vec::new(),
-        notices: Vec::new(),
-        lacks_size: false,
+    let file = parse(&text, is_results)?;
+    let mut reader = Reader::new(&file, stem, is_results)?;
+    for (i, annotation) in file.annotations.0.iter().enumerate() {
+        let added = reader.add(i, annotation);
+        added.map_err(|e| e.at(format!("annotation {i}")))?;
+    }
+    reader.finish()
+}
+
+fn parse(text: &str, is_results: bool) -> Result<File> {
+    let file = match is_results {
+        true => serde_json::from_str(text).map(|annotations| File {
+            images: Vec::new(),
+            annotations,
+            categories: Vec::new(),
+        }),
+        false => serde_json::from_str(text),
     };
-    let (mut without, mut empty) = (0, 0);
-    let mut sequences = Sequences::default();
-    let mut points = Points::default();
-    let mut seen: HashMap<(String, String, String), usize> = HashMap::new();
-    let annotations = &file.annotations.0;
-    let key_of = |annotation: &Annotation| {
-        (
-            id(&annotation.image_id),
-            id(&annotation.category_id),
-            annotation.track().unwrap_or_default(),
-        )
-    };
-    // What shows nothing is no second instance of its image.
-    let shown = annotations.iter().filter(|a| a.shows_something());
-    let shown: HashSet<_> = shown.map(key_of).collect();
-    for (i, annotation) in annotations.iter().enumerate() {
-        let wrong = |message: String| Error::input(message).at(format!("annotation {i}"));
-        let Some(Numbers(keypoints)) = &annotation.keypoints else {
-            without += 1;
-            continue;
+    file.map_err(|e| {
+        Error::input(format!(
+            "not COCO keypoints: {e}; expected JSON with `images`, `annotations` and \
+             `categories`, or a list of results"
+        ))
+    })
+}
+
+/// Makes rows of annotations.
+struct Reader<'a> {
+    /// The name of the file, which is the sequence of results.
+    stem: &'a str,
+    /// Whether the file is a list of results, without images and categories.
+    is_results: bool,
+    images: HashMap<String, &'a Image>,
+    categories: HashMap<String, &'a Category>,
+    /// Whether a keypoint is called after its category too.
+    has_several_categories: bool,
+    /// The instances of which an annotation shows something.
+    shown: HashSet<Instance>,
+    /// The instances so far, each with the number of its annotation.
+    seen: HashMap<Instance, usize>,
+    /// The number of annotations without keypoints.
+    without: usize,
+    /// The number of annotations that show nothing, beside another one of their image.
+    empty: usize,
+    sequences: Sequences,
+    points: Points,
+    sizes: Vec<[u32; 2]>,
+    rows: Vec<Row>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(file: &'a File, stem: &'a str, is_results: bool) -> Result<Self> {
+        let with_keypoints = |category: &&Category| !category.names().is_empty();
+        // What shows nothing is no second instance of its image.
+        let shown = file.annotations.0.iter().filter(|a| a.shows_something());
+        Ok(Self {
+            stem,
+            is_results,
+            images: by_id(&file.images, |image| &image.id, "images")?,
+            categories: by_id(&file.categories, |category| &category.id, "categories")?,
+            has_several_categories: file.categories.iter().filter(with_keypoints).count() > 1,
+            shown: shown.map(Instance::of).collect(),
+            seen: HashMap::new(),
+            without: 0,
+            empty: 0,
+            sequences: Sequences::default(),
+            points: Points::default(),
+            sizes: Vec::new(),
+            rows: Vec::new(),
+        })
+    }
+
+    /// Adds the keypoints of the annotation with the number `i`.
+    fn add(&mut self, i: usize, annotation: &Annotation) -> Result<()> {
+        let Some(Numbers(numbers)) = &annotation.keypoints else {
+            self.without += 1;
+            return Ok(());
         };
-        let key = key_of(annotation);
-        let (image_id, category_id) = (key.0.clone(), key.1.clone());
-        let image = images.get(&image_id);
-        if image.is_none() && !is_results {
-            return Err(wrong(format!("there is no image with the id {image_id}")));
-        }
-        let category = categories.get(&category_id);
-        let track = annotation.track();
-        let is_empty = !annotation.shows_something();
-        if is_empty && (shown.contains(&key) || seen.contains_key(&key)) {
-            empty += 1;
-            continue;
-        }
-        if let Some(other) = seen.insert(key, i) {
-            return Err(wrong(format!(
-                "its image has annotation {other} of the same category; expected one, or a `track_id` in each that says \
-                 which is which over time"
+        let instance = Instance::of(annotation);
+        let image = self.images.get(&instance.image).copied();
+        if image.is_none() && !self.is_results {
+            return Err(Error::input(format!(
+                "there is no image with the id {}",
+                instance.image
             )));
         }
-        if !keypoints.len().is_multiple_of(3) {
-            return Err(wrong(format!(
-                "{} numbers in `keypoints`; expected three a keypoint: x, y, v",
-                keypoints.len()
+        let other = self.seen.get(&instance).copied();
+        let has_other = other.is_some() || self.shown.contains(&instance);
+        if has_other && !annotation.shows_something() {
+            self.empty += 1;
+            return Ok(());
+        }
+        if let Some(other) = other {
+            return Err(Error::input(format!(
+                "its image has annotation {other} of the same category; expected one, or a \
+                 `track_id` in each that says which is which over time"
             )));
         }
-        let names = category.map(|c| names_of(c)).unwrap_or_default();
-        let count = match keypoints.len() / 3 {
-            0 => names.len(),
-            count => count,
-        };
-        if !names.is_empty() && names.len() != count {
-            return Err(wrong(format!(
-                "{count} keypoints; its category has {}",
-                names.len()
-            )));
-        }
-        let (sequence, frame) = match image {
-            Some(image) => {
-                let name = image.file_name.as_deref();
-                place(name.ok_or_else(|| wrong("its image has no `file_name`".to_owned()))?)
-                    .map_err(wrong)?
-            }
-            None => {
-                let number = image_id.parse().map_err(|_| {
-                    wrong(format!(
-                        "the `image_id` {image_id} is no whole number from 0; expected the number of the frame"
-                    ))
-                })?;
-                (stem, number)
-            }
-        };
-        let sequence = sequences.number(sequence).map_err(wrong)?;
-        let size = image.map_or(Ok(None), |image| {
-            let sides = side(&image.width).and_then(|w| Ok(w.zip(side(&image.height)?)));
-            sides.map_err(|why| {
-                let name = image.file_name.as_deref().unwrap_or_default();
-                wrong(format!("its image `{name}` {why}"))
-            })
-        })?;
-        let size = size.and_then(|(width, height)| {
-            let size = [width, height];
-            let known = raw.sizes.iter().position(|s| *s == size);
-            NonMaxU32::new(known.unwrap_or_else(|| {
-                raw.sizes.push(size);
-                raw.sizes.len() - 1
-            }))
-        });
-        for k in 0..count {
-            let mut name = names.get(k).cloned().unwrap_or_else(|| k.to_string());
-            if let Some(category) = category.filter(|_| with_keypoints > 1) {
-                name = format!("{}/{name}", category.name);
-            }
-            if let Some(track) = &track {
-                name = format!("{track}/{name}");
-            }
-            let [x, y, v] = match keypoints.get(3 * k..3 * k + 3) {
+        let names = self.names(&instance, numbers.len())?;
+        let (sequence, frame) = self.place(&instance, image)?;
+        let sequence = self.sequences.number(sequence).map_err(Error::input)?;
+        let size = image.map(|image| self.size(image)).transpose()?.flatten();
+        for (k, name) in names.iter().enumerate() {
+            let [x, y, v] = match numbers.get(3 * k..3 * k + 3) {
                 Some(point) => [point[0], point[1], point[2]],
                 None => [f64::NAN, f64::NAN, 0.0],
             };
-            raw.rows.push(Row {
+            self.rows.push(Row {
                 line: i as u32,
                 sequence,
                 frame,
-                point: points.number(&cleaned(&name)),
+                point: self.points.number(&cleaned(name)),
                 xy: if v == 0.0 { [f64::NAN; 2] } else { [x, y] },
                 confidence: v,
                 size,
             });
         }
+        self.seen.insert(instance, i);
+        Ok(())
     }
-    if raw.rows.is_empty() {
-        return Err(Error::input(
-            "no annotation has keypoints; expected `keypoints` with x, y, v for each",
-        ));
-    }
-    for (count, what) in [
-        (without, "annotations without keypoints are left out"),
-        (
-            empty,
-            "annotations that show no keypoint, beside another one of their image, are left out",
-        ),
-    ] {
-        if count > 0 {
-            raw.notices.push(format!("{count} {what}").into());
+
+    /// What the keypoints of an instance are called, of which there are so many `numbers`.
+    fn names(&self, instance: &Instance, numbers: usize) -> Result<Vec<String>> {
+        if !numbers.is_multiple_of(3) {
+            return Err(Error::input(format!(
+                "{numbers} numbers in `keypoints`; expected three a keypoint: x, y, v"
+            )));
         }
+        let category = self.categories.get(&instance.category);
+        let names = category.map_or(&[][..], |category| category.names());
+        let count = match numbers / 3 {
+            0 => names.len(),
+            count => count,
+        };
+        if !names.is_empty() && names.len() != count {
+            return Err(Error::input(format!(
+                "{count} keypoints; its category has {}",
+                names.len()
+            )));
+        }
+        let category = category.filter(|_| self.has_several_categories);
+        let prefixes = [
+            instance.track.as_ref(),
+            category.map(|category| &category.name),
+        ];
+        let prefix: String = prefixes.iter().flatten().map(|p| format!("{p}/")).collect();
+        let name = |k: usize| match names.get(k) {
+            Some(name) => format!("{prefix}{name}"),
+            None => format!("{prefix}{k}"),
+        };
+        Ok((0..count).map(name).collect())
     }
-    if is_results {
-        raw.notices.push(
-            "results name images by their ids: each `image_id` is taken for the number of the frame"
-                .to_owned()
-                .into(),
-        );
+
+    /// The sequence and the number of its frame.
+    fn place(&self, instance: &Instance, image: Option<&'a Image>) -> Result<(&'a str, u64)> {
+        let Some(image) = image else {
+            let id = &instance.image;
+            let number = id.parse().map_err(|_| {
+                Error::input(format!(
+                    "the `image_id` {id} is no whole number from 0; expected the number of the \
+                     frame"
+                ))
+            })?;
+            return Ok((self.stem, number));
+        };
+        let name = image.file_name.as_deref();
+        place(name.ok_or_else(|| Error::input("its image has no `file_name`"))?)
+            .map_err(Error::input)
     }
-    raw.sequences = sequences.names;
-    raw.points = points.names;
-    Ok(raw)
+
+    /// The number of the image's size among those of the file, where it says its size.
+    fn size(&mut self, image: &Image) -> Result<Option<NonMaxU32>> {
+        let sides = side(&image.width).and_then(|w| Ok(w.zip(side(&image.height)?)));
+        let sides = sides.map_err(|why| {
+            let name = image.file_name.as_deref().unwrap_or_default();
+            Error::input(format!("its image `{name}` {why}"))
+        })?;
+        Ok(sides.and_then(|(width, height)| {
+            let size = [width, height];
+            let known = self.sizes.iter().position(|s| *s == size);
+            NonMaxU32::new(known.unwrap_or_else(|| {
+                self.sizes.push(size);
+                self.sizes.len() - 1
+            }))
+        }))
+    }
+
+    fn finish(self) -> Result<Raw> {
+        if self.rows.is_empty() {
+            return Err(Error::input(
+                "no annotation has keypoints; expected `keypoints` with x, y, v for each",
+            ));
+        }
+        let counts = [
+            (self.without, "annotations without keypoints are left out"),
+            (
+                self.empty,
+                "annotations that show no keypoint, beside another one of their image, are left out",
+            ),
+        ];
+        let counts = counts.iter().filter(|(count, _)| *count > 0);
+        let mut notices: Vec<Notice> = counts
+            .map(|(count, what)| format!("{count} {what}").into())
+            .collect();
+        if self.is_results {
+            let text = "results name images by their ids: each `image_id` is taken for the number \
+                        of the frame";
+            notices.push(text.to_owned().into());
+        }
+        Ok(Raw {
+            layout: Layout::Coco,
+            sequences: self.sequences.names,
+            points: self.points.names,
+            rows: self.rows,
+            heights: Vec::new(),
+            sizes: self.sizes,
+            notices,
+            lacks_size: false,
+        })
+    }
 }
 
 /// The text with null in the place of NaN and infinity, which Python writes and JSON does not know.

@@ -86,71 +86,85 @@ pub fn points(header: &csv::StringRecord) -> Vec<Columns> {
     points
 }
 
+/// Where a table has what.
+struct Header {
+    record: csv::StringRecord,
+    points: Vec<Columns>,
+    frame: usize,
+    sequence: Option<usize>,
+    track: Option<usize>,
+}
+
+impl Header {
+    fn of(record: csv::StringRecord, options: &TableOptions) -> Result<Self> {
+        let mut points = points(&record);
+        let has_z = points.iter().map(|point| (&*point.name, point.z.is_some()));
+        let in_space = are_in_space(has_z, options)? && MOST_AXES == 3;
+        if !in_space {
+            points.iter_mut().for_each(|point| point.z = None);
+        }
+        let find = |names: &[&str]| {
+            names
+                .iter()
+                .find_map(|name| record.iter().position(|h| h.eq_ignore_ascii_case(name)))
+        };
+        let frame = find(&FRAME).ok_or_else(|| {
+            let found: Vec<&str> = record.iter().collect();
+            Error::input(format!(
+                "line 1: column `frame` missing; expected e.g. `sequence,frame,{0}_x,{0}_y`, \
+                 found `{1}`",
+                points.first().map_or("cube", |point| &point.name),
+                found.join(",")
+            ))
+            .because(Reason::OtherColumns {
+                missing: vec!["frame".to_owned()],
+            })
+        })?;
+        let (sequence, track) = (
+            find(&["sequence"]),
+            find(&["track", "individual", "individuals"]),
+        );
+        let mut names = HashSet::new();
+        if let Some(point) = points.iter().find(|point| !names.insert(&point.name)) {
+            return Err(Error::input(format!(
+                "line 1: column `{}_x` stands twice",
+                point.name
+            )));
+        }
+        Ok(Self {
+            record,
+            points,
+            frame,
+            sequence,
+            track,
+        })
+    }
+
+    /// The names of the columns that say nothing.
+    fn ignored(&self) -> Vec<&str> {
+        let of_points = self.points.iter().flat_map(|point| {
+            let sureness = point.sureness.map(|(_, at)| at);
+            [Some(point.x), Some(point.y), point.z, sureness]
+        });
+        let of_rows = [Some(self.frame), self.sequence, self.track];
+        let used: HashSet<usize> = of_points.chain(of_rows).flatten().collect();
+        let columns = self.record.iter().enumerate();
+        columns
+            .filter(|(at, _)| !used.contains(at))
+            .map(|(_, name)| name)
+            .collect()
+    }
+}
+
 pub fn read(
     mut table: Delimited,
     stem: &str,
     layout: Layout,
     options: &TableOptions,
 ) -> Result<Raw> {
-    let header = table.header.clone();
-    let mut columns = points(&header);
-    let has_z = columns
-        .iter()
-        .map(|point| (&*point.name, point.z.is_some()));
-    let in_space = are_in_space(has_z, options)? && MOST_AXES == 3;
-    if !in_space {
-        columns.iter_mut().for_each(|point| point.z = None);
-    }
-    let find = |names: &[&str]| {
-        names
-            .iter()
-            .find_map(|name| header.iter().position(|h| h.eq_ignore_ascii_case(name)))
-    };
-    let Some(frame_column) = find(&FRAME) else {
-        let found: Vec<&str> = header.iter().collect();
-        return Err(Error::input(format!(
-            "line 1: column `frame` missing; expected e.g. `sequence,frame,{0}_x,{0}_y`, found `{1}`",
-            columns.first().map_or("cube", |point| &point.name),
-            found.join(",")
-        ))
-        .because(Reason::OtherColumns {
-            missing: vec!["frame".to_owned()],
-        }));
-    };
-    let sequence_column = find(&["sequence"]);
-    let track_column = find(&["track", "individual", "individuals"]);
-    let mut names = HashSet::new();
-    for point in &columns {
-        if !names.insert(&point.name) {
-            return Err(Error::input(format!(
-                "line 1: column `{}_x` stands twice",
-                point.name
-            )));
-        }
-    }
-    let mut is_used = vec![false; header.len()];
-    let of_points = columns.iter().flat_map(|point| {
-        [
-            Some(point.x),
-            Some(point.y),
-            point.z,
-            point.sureness.map(|(_, at)| at),
-        ]
-    });
-    for column in of_points
-        .chain([Some(frame_column), sequence_column, track_column])
-        .flatten()
-    {
-        is_used[column] = true;
-    }
-    let ignored: Vec<&str> = header
-        .iter()
-        .zip(&is_used)
-        .filter(|(_, is_used)| !**is_used)
-        .map(|(name, _)| name)
-        .collect();
-    table.leave_out(&ignored);
-    if sequence_column.is_none() {
+    let header = Header::of(table.header.clone(), options)?;
+    table.leave_out(&header.ignored());
+    if header.sequence.is_none() {
         table.notices.push(
             format!("there is no column `sequence`; all rows are taken for one, `{stem}`").into(),
         );
@@ -164,20 +178,20 @@ pub fn read(
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
         let wrong = |column: usize| {
-            let column = header.get(column).unwrap_or_default().to_owned();
+            let column = header.record.get(column).unwrap_or_default().to_owned();
             move |message: String| wrong_field(line, &column, message)
         };
-        let sequence = match sequence_column {
+        let sequence = match header.sequence {
             Some(column) => sequences
                 .number(unescaped(field(column)))
                 .map_err(wrong(column))?,
             None => sequences.number(stem).map_err(wrong(0))?,
         };
         let frame = table
-            .frame(field(frame_column))
-            .map_err(wrong(frame_column))?;
+            .frame(field(header.frame))
+            .map_err(wrong(header.frame))?;
         // Without a name, what belongs to no track.
-        let track = track_column.map(field).filter(|name| !name.is_empty());
+        let track = header.track.map(field).filter(|name| !name.is_empty());
         let track = track
             .map(|name| tracks.number(unescaped(name)))
             .transpose()
@@ -189,15 +203,13 @@ pub fn read(
         if numbers[slot].is_empty() {
             let of_track = track.map(|track| format!("{}/", tracks.names[track as usize]));
             let prefix = of_track.unwrap_or_default();
-            numbers[slot] = columns
-                .iter()
-                .map(|point| points.number(&format!("{prefix}{}", point.name)))
-                .collect();
+            let number = |point: &Columns| points.number(&format!("{prefix}{}", point.name));
+            numbers[slot] = header.points.iter().map(number).collect();
         }
-        for (point, columns) in numbers[slot].iter().zip(&columns) {
+        for (point, columns) in numbers[slot].iter().zip(&header.points) {
             let mut at = |column: usize| table.coordinate(field(column)).map_err(wrong(column));
             let mut xy = [at(columns.x)?, at(columns.y)?];
-            let z = columns.z.filter(|_| in_space).map(at).transpose()?;
+            let z = columns.z.map(at).transpose()?;
             let mut confidence = f64::NAN;
             if let Some((beside, column)) = columns.sureness {
                 confidence = table.sureness(field(column)).map_err(wrong(column))?;
