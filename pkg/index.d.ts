@@ -351,7 +351,7 @@ export interface RecordingFile {
    * `eef=obs/robot0_eef_pos,block=state[2:4]`: a table, in a unit that the file does not say.
    */
   named(columns: string): FormatPoints;
-  /** Why the frames cannot be used; empty where they can, and where there are none. */
+  /** Why the frames cannot be used, with the file's name; empty where they can, and where there are none. */
   readonly problem: string;
   /** The frames, each in the folder of its sequence, for {@link FrameIndex.ofAll}. */
   readonly paths: string[];

@@ -516,7 +516,7 @@ test("frames of an HDF5 file are read by slices", async () => {
   assert.throws(() => opened.frame(15), /there is no frame 15/);
   opened.free();
   const cut = tracklens.Hdf5File.open(() => new Uint8Array(), file.length, name);
-  assert.match(cut.problem, /cannot be read/);
+  assert.ok(cut.problem.startsWith(`${name}: `) && cut.problem.includes("cannot be read"));
   assert.throws(() => cut.points(), /recording\.hdf5/);
 });
 
@@ -555,7 +555,7 @@ test("a Zarr hierarchy is read from the files of its folder and from an archive"
   assert.match(table, /^sequence,frame,object,x,y\nepisode_0,0,nose,/);
   assert.throws(() => ofFolder.named("nose=nothing"), /there is no array `nothing`/);
   const gone = tracklens.ZarrFile.open(() => undefined, ["a/.zarray"], Float64Array.of(9), name);
-  assert.match(gone.problem, /`a\/.zarray`: it cannot be read/);
+  assert.match(gone.problem, /^replay\.zarr: .*`a\/.zarray`: it cannot be read/);
   assert.throws(() => tracklens.ZarrFile.openArchive(() => new Uint8Array(), 99, name), /replay\.zarr/);
   for (const opened of [whole, ofFolder, gone]) opened.free();
 });

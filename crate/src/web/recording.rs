@@ -85,10 +85,13 @@ impl Opened {
         self.cameras.clone()
     }
 
-    /// Why the frames cannot be used; empty where they can, and where there are none.
+    /// Why the frames cannot be used, with the file's name; empty where they can, and where there are
+    /// none.
     pub fn problem(&self) -> String {
         match &self.recording {
-            Err(error) if error.reason() != Some(&Reason::NoFrames) => error.to_string(),
+            Err(error) if error.reason() != Some(&Reason::NoFrames) => {
+                error.clone().at(&self.name).to_string()
+            }
             _ => String::new(),
         }
     }
@@ -107,7 +110,7 @@ impl Opened {
         let frame = || match &self.recording {
             Ok(recording) if i < recording.index().keys().len() => recording.read(i),
             Ok(_) => Err(Error::input(format!("there is no frame {i}"))),
-            Err(error) => Err(Error::input(error.to_string())),
+            Err(error) => Err(error.clone()),
         };
         let frame = frame().map_err(|e| js_error(&e.at(&self.name)))?;
         Ok(frame.to_array())

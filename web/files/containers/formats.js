@@ -92,7 +92,7 @@ export function slicedRecording(
     frames,
     cameras,
     close,
-    error: problem && (problem.startsWith(path) ? problem : `${path}: ${problem}`),
+    error: problem,
   };
 }
 
