@@ -191,13 +191,42 @@ const QUICK: Part = Part {
     aim: Aim::Speed,
 };
 
-/// How the profile of xtask is changed to compile for a browser. What is said of all packages by
-/// name would count for procedural macros too, and they would be compiled again.
-const QUICK_PROFILE: [&str; 4] = [
-    "--config=profile.tool.opt-level=\"s\"",
-    "--config=profile.tool.codegen-units=16",
-    "--config=profile.tool.package.rten-simd.opt-level=3",
-    "--config=profile.tool.package.rten-vecmath.opt-level=3",
+/// How the profile of xtask is changed for a quick build: what goes over every pixel or number of a
+/// file is optimised, all else is not. What procedural macros are made of has to be missing here, as
+/// they would be compiled again.
+const QUICK_PROFILE: &[(&str, &[&str])] = &[
+    (
+        "3",
+        &[
+            "rten-gemm",
+            "rten-simd",
+            "rten-tensor",
+            "rten-vecmath",
+            "simd-adler32",
+        ],
+    ),
+    ("1", &["image", "rten"]),
+    (
+        "\"s\"",
+        &[
+            "blusc",
+            "crc32fast",
+            "csv",
+            "csv-core",
+            "fdeflate",
+            "flate2",
+            "half",
+            "hdf5-reader",
+            "image-webp",
+            "nalgebra",
+            "ndarray",
+            "png",
+            "zrip-core",
+            "zrip-decode",
+            "zune-core",
+            "zune-jpeg",
+        ],
+    ),
 ];
 
 /// What the compiler may use of wasm, should the file not say so itself.
@@ -235,7 +264,7 @@ pub fn build(workspace: &Workspace, build: Build, gpu: bool) -> Result<()> {
         scope.spawn(optimiser);
         let mut under_way = Vec::new();
         let together = match build {
-            Build::Quick => Some(compile(workspace, &toolchain, &QUICK, &QUICK_PROFILE)?),
+            Build::Quick => Some(compile(workspace, &toolchain, &QUICK, &quick_profile())?),
             Build::Full => None,
         };
         for (index, part) in parts().enumerate() {
@@ -302,12 +331,23 @@ fn npm_tools(workspace: &Workspace, build: Build) -> Option<WasmOpt> {
         .ok()
 }
 
+fn quick_profile() -> Vec<String> {
+    let profile = QUICK.profile;
+    let levels = QUICK_PROFILE.iter().flat_map(|(level, crates)| {
+        let option =
+            move |name| format!("--config=profile.{profile}.package.{name}.opt-level={level}");
+        crates.iter().map(option)
+    });
+    let units = format!("--config=profile.{profile}.codegen-units=16");
+    levels.chain([units]).collect()
+}
+
 /// The wasm file of a part as cargo leaves it.
 fn compile(
     workspace: &Workspace,
     toolchain: &WasmToolchain,
     part: &Part,
-    options: &[&str],
+    options: &[String],
 ) -> Result<Vec<u8>> {
     let profile = part.profile;
     let mut cargo = toolchain.cargo("rustc");
