@@ -12,6 +12,7 @@ use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use serde_json::Value;
 
+use crate::test::PAGE_TESTS;
 use crate::workspace::Workspace;
 use crate::{package, python, run, setup, site};
 
@@ -147,7 +148,7 @@ fn size(workspace: &Workspace) -> Result<()> {
     site::write(workspace, &workspace.site(), package::Build::Full, false)?;
     let mut cargo = run::cargo();
     cargo
-        .args(["bench", "--package=tracklens-page-tests", "--bench=size"])
+        .args(["bench", "--package", PAGE_TESTS, "--bench=size"])
         .env("TRACKLENS_SITE", workspace.site());
     run::run(cargo.current_dir(workspace.root()))
 }

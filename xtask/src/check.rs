@@ -10,6 +10,7 @@ use crate::package::WHOLE;
 use crate::run;
 use crate::setup::{self, wasm_toolchain};
 use crate::steps::Steps;
+use crate::test::PAGE_TESTS;
 use crate::workspace::Workspace;
 
 /// Features that have to stand alone, without what the others or the tests' dependencies happen to
@@ -116,13 +117,7 @@ fn lints(workspace: &Workspace, steps: &mut Steps) {
     let run = |command: &mut Command| run_in(workspace, command);
     // A package at a time: with --workspace, the features of all of them together would have the
     // large dependencies checked once more.
-    for package in [
-        "xtask",
-        GRAPH,
-        "tracklens-page-tests",
-        "tracklens-python",
-        "tracklens",
-    ] {
+    for package in ["xtask", GRAPH, PAGE_TESTS, "tracklens-python", "tracklens"] {
         steps.run(format!("clippy: {package}"), || {
             run(native_clippy(package)
                 .arg("--all-targets")
@@ -177,7 +172,7 @@ fn docs(workspace: &Workspace, steps: &mut Steps) {
 
 fn native_clippy(package: &str) -> Command {
     let profile = match package {
-        "xtask" | GRAPH => "--profile=tool",
+        "xtask" | GRAPH | PAGE_TESTS => "--profile=tool",
         _ => "--release",
     };
     let mut cargo = run::cargo();

@@ -11,6 +11,9 @@ use crate::steps::Steps;
 use crate::workspace::Workspace;
 use crate::{package, python, run, setup, site};
 
+/// The package that tests the page in browsers. It waits for them, so that it need not be fast.
+pub const PAGE_TESTS: &str = "tracklens-page-tests";
+
 /// What is tested on request, because it installs much or takes long.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum Part {
@@ -213,12 +216,13 @@ fn recorder_tests(workspace: &Workspace, python: &Path) -> Result<()> {
     run::run(cargo.current_dir(workspace.root()))
 }
 
-/// Builds burn a second time, with its wgpu backend, next to the build that everything else uses.
+/// Builds burn a second time, with its wgpu backend, and nearly everything with it, since features of
+/// small crates differ. The tests wait for lavapipe, so that it is not optimised.
 fn gpu_tests(workspace: &Workspace, driver: Option<&Path>) -> Result<()> {
     let mut cargo = run::cargo();
     cargo.args([
         "test",
-        "--release",
+        "--profile=tool",
         "--no-fail-fast",
         "--package=tracklens",
         "--features=gpu",
@@ -297,9 +301,10 @@ fn page_tests(workspace: &Workspace, geckodriver: &Path, axe: &Path) -> Result<(
     cargo
         .args([
             "test",
-            "--release",
+            "--profile=tool",
             "--no-fail-fast",
-            "--package=tracklens-page-tests",
+            "--package",
+            PAGE_TESTS,
         ])
         .env("TRACKLENS_SITE", workspace.site())
         .env("TRACKLENS_GECKODRIVER", geckodriver)

@@ -1,16 +1,11 @@
 //! Runs side by side in the page, against `tracklens report` and `tracklens score` on the same
 //! files.
 
-#[path = "../../shared/agents.rs"]
-mod agent_runs;
-#[path = "../../shared/runs.rs"]
-mod runs;
-
 use std::fs;
 use std::io::{Cursor, Write};
 
-use agent_runs::{fixture, write_agent, write_agents};
-use runs::{config, sweep, write_run};
+use crate::agent_runs::{fixture, write_agent, write_agents};
+use crate::runs::{config, sweep, write_run};
 use serde_json::{Value, json};
 use tracklens_page_tests::{
     Browser, EXAMPLE_FRAMES, Page, example, extract_keypoints, in_every_browser, text, tracklens,

@@ -1,11 +1,9 @@
 //! Everyone can use the page: axe-core finds no barrier, it fits a phone, text can be enlarged.
 
-#[path = "../../shared/runs.rs"]
-mod runs;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::runs;
 use serde_json::{Value, json};
 use tracklens_page_tests::{Browser, Page, eval_example, example, in_every_browser, pack};
 
