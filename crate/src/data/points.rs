@@ -243,6 +243,7 @@ impl Stored {
         options: &TableOptions,
     ) -> Result<(Reading, Vec<Notice>)> {
         let name = self.name;
+        let in_space = MOST_AXES == 3 && coordinates == 3;
         let axes = match file.axes() {
             Some(order) => Known::of(options.axes, order, Ground::File),
             None => Known::of(options.axes, AxisOrder::Xy, Ground::Guess),
@@ -261,7 +262,7 @@ impl Stored {
         }];
         if coordinates < self.axes {
             notices.push(format!("`{name}`: z is left out of {} points", self.points).into());
-        } else if MOST_AXES == 3 && coordinates == 3 {
+        } else if in_space {
             notices.push(format!("`{name}`: the third number of a point is its z").into());
         }
         notices.extend(file.left_out().iter().cloned().map(Notice::from));
@@ -284,7 +285,7 @@ impl Stored {
             index_base: Known::of(None, 0, Ground::File),
             ..Reading::new(Layout::Arrays, options)
         };
-        if MOST_AXES == 3 && coordinates == 3 {
+        if in_space {
             reading.in_space(options)?;
         }
         Ok((reading, notices))

@@ -1,6 +1,7 @@
 //! Records and fields of a delimited text.
 
 use std::borrow::Cow;
+use std::collections::HashSet;
 
 use crate::data::names::{last_number, numbers, quote_list, stem};
 use crate::data::reading::Notice;
@@ -146,6 +147,25 @@ impl Delimited<'_> {
         self.notices
             .extend(told.into_iter().flatten().map(Notice::from));
         self.notices
+    }
+
+    /// The first column of a name, in capitals or not.
+    pub fn column(&self, name: &str) -> Option<usize> {
+        self.header
+            .iter()
+            .position(|column| column.eq_ignore_ascii_case(name))
+    }
+
+    /// Says which columns are not read, which are all but these.
+    pub fn read_only(&mut self, columns: impl IntoIterator<Item = usize>) {
+        let columns: HashSet<usize> = columns.into_iter().collect();
+        let header = self.header.clone();
+        let others = header.iter().enumerate();
+        let others: Vec<&str> = others
+            .filter(|(at, _)| !columns.contains(at))
+            .map(|(_, name)| name)
+            .collect();
+        self.leave_out(&others);
     }
 
     /// Says which columns are not read.

@@ -48,15 +48,17 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
     let columns = columns(content);
     let expected = columns.join(",");
     let header = table.header.clone();
-    let find = |column: &str| header.iter().position(|h| h.eq_ignore_ascii_case(column));
-    let missing: Vec<&str> = columns.into_iter().filter(|c| find(c).is_none()).collect();
+    let missing: Vec<&str> = columns
+        .into_iter()
+        .filter(|column| table.column(column).is_none())
+        .collect();
     if !missing.is_empty() {
         let found: Vec<&str> = header.iter().collect();
         let (other, what) = match content {
             Content::GroundTruth => ("keypoint", "keypoints"),
             Content::Keypoints => ("object", "ground truth"),
         };
-        let swapped = match find(other) {
+        let swapped = match table.column(other) {
             Some(_) => format!("; this is a table of {what}: are the two tables swapped?"),
             None => String::new(),
         };
@@ -71,26 +73,16 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
             missing: missing.into_iter().map(str::to_owned).collect(),
         }));
     }
-    let at = columns.map(|c| find(c).unwrap_or_default());
+    let at = columns.map(|column| table.column(column).unwrap_or_default());
     let sureness = header
         .iter()
         .enumerate()
         .find_map(|(at, name)| Some((Beside::of(name)?, at)));
-    let z = find("z");
+    let z = table.column("z");
     let has_z = are_in_space(std::iter::once(("a point", z.is_some())), options)? && MOST_AXES == 3;
     let z = z.filter(|_| has_z);
-    let is_used = |at: usize, name: &str| {
-        z == Some(at)
-            || sureness.is_some_and(|(_, column)| column == at)
-            || columns.iter().any(|c| name.eq_ignore_ascii_case(c))
-    };
-    let ignored: Vec<&str> = header
-        .iter()
-        .enumerate()
-        .filter(|(at, name)| !is_used(*at, name))
-        .map(|(_, name)| name)
-        .collect();
-    table.leave_out(&ignored);
+    let beside = sureness.map(|(_, column)| column);
+    table.read_only(at.into_iter().chain(z).chain(beside));
     if let Some(twice) = columns
         .iter()
         .find(|c| header.iter().filter(|h| h.eq_ignore_ascii_case(c)).count() > 1)

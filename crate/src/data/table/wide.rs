@@ -88,7 +88,6 @@ pub fn points(header: &csv::StringRecord) -> Vec<Columns> {
 
 /// Where a table has what.
 struct Header {
-    record: csv::StringRecord,
     points: Vec<Columns>,
     frame: usize,
     sequence: Option<usize>,
@@ -96,20 +95,16 @@ struct Header {
 }
 
 impl Header {
-    fn of(record: csv::StringRecord, options: &TableOptions) -> Result<Self> {
-        let mut points = points(&record);
+    fn of(table: &Delimited, options: &TableOptions) -> Result<Self> {
+        let mut points = points(&table.header);
         let has_z = points.iter().map(|point| (&*point.name, point.z.is_some()));
         let in_space = are_in_space(has_z, options)? && MOST_AXES == 3;
         if !in_space {
             points.iter_mut().for_each(|point| point.z = None);
         }
-        let find = |names: &[&str]| {
-            names
-                .iter()
-                .find_map(|name| record.iter().position(|h| h.eq_ignore_ascii_case(name)))
-        };
+        let find = |names: &[&str]| names.iter().find_map(|name| table.column(name));
         let frame = find(&FRAME).ok_or_else(|| {
-            let found: Vec<&str> = record.iter().collect();
+            let found: Vec<&str> = table.header.iter().collect();
             Error::input(format!(
                 "line 1: column `frame` missing; expected e.g. `sequence,frame,{0}_x,{0}_y`, \
                  found `{1}`",
@@ -132,7 +127,6 @@ impl Header {
             )));
         }
         Ok(Self {
-            record,
             points,
             frame,
             sequence,
@@ -140,19 +134,14 @@ impl Header {
         })
     }
 
-    /// The names of the columns that say nothing.
-    fn ignored(&self) -> Vec<&str> {
+    /// The columns that say something.
+    fn columns(&self) -> impl Iterator<Item = usize> {
         let of_points = self.points.iter().flat_map(|point| {
             let sureness = point.sureness.map(|(_, at)| at);
             [Some(point.x), Some(point.y), point.z, sureness]
         });
         let of_rows = [Some(self.frame), self.sequence, self.track];
-        let used: HashSet<usize> = of_points.chain(of_rows).flatten().collect();
-        let columns = self.record.iter().enumerate();
-        columns
-            .filter(|(at, _)| !used.contains(at))
-            .map(|(_, name)| name)
-            .collect()
+        of_points.chain(of_rows).flatten()
     }
 }
 
@@ -162,13 +151,14 @@ pub fn read(
     layout: Layout,
     options: &TableOptions,
 ) -> Result<Raw> {
-    let header = Header::of(table.header.clone(), options)?;
-    table.leave_out(&header.ignored());
+    let header = Header::of(&table, options)?;
+    table.read_only(header.columns());
     if header.sequence.is_none() {
         table.notices.push(
             format!("there is no column `sequence`; all rows are taken for one, `{stem}`").into(),
         );
     }
+    let names = table.header.clone();
     let mut sequences = Sequences::default();
     let mut points = Points::default();
     let mut tracks = Sequences::default();
@@ -178,8 +168,8 @@ pub fn read(
     while let Some((record, line)) = table.next()? {
         let field = |column: usize| record.get(column).unwrap_or_default();
         let wrong = |column: usize| {
-            let column = header.record.get(column).unwrap_or_default().to_owned();
-            move |message: String| wrong_field(line, &column, message)
+            let name = names.get(column).unwrap_or_default();
+            move |message: String| wrong_field(line, name, message)
         };
         let sequence = match header.sequence {
             Some(column) => sequences
