@@ -12,8 +12,7 @@ use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use serde_json::Value;
 
-use crate::test::PAGE_TESTS;
-use crate::workspace::Workspace;
+use crate::workspace::{PAGE_TESTS, Workspace};
 use crate::{package, python, run, setup, site};
 
 /// How often each of the two is run, also when it is to be quick.

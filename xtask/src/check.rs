@@ -10,8 +10,7 @@ use crate::package::WHOLE;
 use crate::run;
 use crate::setup::{self, wasm_toolchain};
 use crate::steps::Steps;
-use crate::test::PAGE_TESTS;
-use crate::workspace::Workspace;
+use crate::workspace::{GRAPH, PAGE_TESTS, Workspace};
 
 /// Features that have to stand alone, without what the others or the tests' dependencies happen to
 /// switch on.
@@ -27,9 +26,6 @@ const FEATURES: [&str; 10] = [
     "train",
     "cli",
 ];
-
-/// The package that checks the module graph.
-pub const GRAPH: &str = "tracklens-module-graph";
 
 const ADVISORIES: &str = "advisories";
 

@@ -6,13 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 
-use crate::check::GRAPH;
 use crate::steps::Steps;
-use crate::workspace::Workspace;
+use crate::workspace::{GRAPH, PAGE_TESTS, Workspace};
 use crate::{package, python, run, setup, site};
-
-/// The package that tests the page in browsers. It waits for them, so that it need not be fast.
-pub const PAGE_TESTS: &str = "tracklens-page-tests";
 
 /// What is tested on request, because it installs much or takes long.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]

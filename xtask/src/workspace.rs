@@ -7,6 +7,12 @@ use serde_json::Value;
 
 use crate::run;
 
+/// The package that checks the module graph.
+pub const GRAPH: &str = "tracklens-module-graph";
+
+/// The package that tests the page in browsers. It waits for them, so that it need not be fast.
+pub const PAGE_TESTS: &str = "tracklens-page-tests";
+
 /// The folders of the checkout and cargo's target directory.
 pub struct Workspace {
     root: PathBuf,
