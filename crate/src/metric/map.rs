@@ -249,115 +249,155 @@ fn affine(m: &PairMoments, rank: Rank) -> Result<Fit> {
 /// All of it in the scale of the moments' exponents, except where the reference rule compares the
 /// keypoint with the column of ones.
 fn least_squares(m: &PairMoments, rank: Rank, columns: u64, widest: f64) -> Result<Fit> {
-    let t = m.frames as f64;
-    let exponents = Exponents {
-        truth: m.truth_exponent,
-        keypoint: m.keypoint_exponent[0],
-    };
-    let [xx, xy, yy] = m.keypoint_squares;
-    let eigen = SymmetricEigen::new(Matrix2::new(xx, xy, xy, yy));
-    let spread = eigen.eigenvalues.map(|d| non_negative(d).sqrt());
-    let axes = eigen.eigenvectors.transpose();
-    let cross = Matrix2::new(m.cross[0], m.cross[1], m.cross[2], m.cross[3]);
-    // Noise of rounding in the moments, relative to where the cloud lies: not motion under any
-    // rule.
-    let offset = m.keypoint_mean[0].hypot(m.keypoint_mean[1]);
-    let noise = 4.0 * f64::EPSILON * t.sqrt() * (offset + spread.max());
-    let mut projected = axes * cross;
-    for i in 0..2 {
-        let factor = if spread[i] > noise {
-            1.0 / spread[i]
-        } else {
-            0.0
-        };
-        projected.set_row(i, &(projected.row(i) * factor));
-    }
-    let explained = |column: usize| projected.column(column).norm_squared();
-    let left = [0, 1].map(|axis| non_negative(m.truth_squares[axis] - explained(axis)));
-    let mean = Vector2::from(m.keypoint_mean);
-    let moving_axes = (columns - 1) as usize;
-
+    let projection = Projection::of(m);
     match rank {
-        Rank::Centred => {
-            let bound = CENTRED_BOUND * larger(spread.max(), finite_root(widest));
-            let mut a = Matrix2::zeros();
-            let mut squares = left;
-            let mut kept = 0;
+        Rank::Centred => projection.centred(columns, widest),
+        Rank::Reference => projection.reference(columns),
+    }
+}
+
+/// The object along the principal axes of a keypoint.
+struct Projection<'a> {
+    moments: &'a PairMoments,
+    exponents: Exponents,
+    /// The principal axes, one a row.
+    axes: Matrix2<f64>,
+    /// The root of the keypoint's sum of squares along each axis.
+    spread: Vector2<f64>,
+    /// Noise of rounding in the moments, relative to where the cloud lies: not motion under any
+    /// rule.
+    noise: f64,
+    /// The object along each axis, one a row.
+    projected: Matrix2<f64>,
+    /// What the axes leave of the object's sums of squares.
+    left: [f64; 2],
+}
+
+impl<'a> Projection<'a> {
+    fn of(moments: &'a PairMoments) -> Self {
+        let m = moments;
+        let [xx, xy, yy] = m.keypoint_squares;
+        let eigen = SymmetricEigen::new(Matrix2::new(xx, xy, xy, yy));
+        let spread = eigen.eigenvalues.map(|d| non_negative(d).sqrt());
+        let axes = eigen.eigenvectors.transpose();
+        let cross = Matrix2::new(m.cross[0], m.cross[1], m.cross[2], m.cross[3]);
+        let offset = m.keypoint_mean[0].hypot(m.keypoint_mean[1]);
+        let noise = 4.0 * f64::EPSILON * (m.frames as f64).sqrt() * (offset + spread.max());
+        let mut projected = axes * cross;
+        for i in 0..2 {
+            let factor = if spread[i] > noise {
+                1.0 / spread[i]
+            } else {
+                0.0
+            };
+            projected.set_row(i, &(projected.row(i) * factor));
+        }
+        let explained = |column: usize| projected.column(column).norm_squared();
+        let left = [0, 1].map(|axis| non_negative(m.truth_squares[axis] - explained(axis)));
+        Self {
+            moments,
+            exponents: Exponents {
+                truth: m.truth_exponent,
+                keypoint: m.keypoint_exponent[0],
+            },
+            axes,
+            spread,
+            noise,
+            projected,
+            left,
+        }
+    }
+
+    fn centred(&self, columns: u64, widest: f64) -> Result<Fit> {
+        let (m, spread) = (self.moments, self.spread);
+        let bound = CENTRED_BOUND * larger(spread.max(), finite_root(widest));
+        let mut a = Matrix2::zeros();
+        let mut squares = self.left;
+        let mut kept = 0;
+        for i in 0..2 {
+            if spread[i] > self.noise && spread[i] > bound {
+                kept += 1;
+                a += (self.projected.row(i).transpose() / spread[i]) * self.axes.row(i);
+            } else {
+                for axis in 0..2 {
+                    squares[axis] += self.projected[(i, axis)].powi(2);
+                }
+            }
+        }
+        let b = Vector2::from(m.truth_mean) - a * Vector2::from(m.keypoint_mean);
+        let moving_axes = (columns - 1) as usize;
+        self.exponents
+            .fitted(a, b, squares, m.frames, kept < moving_axes)
+    }
+
+    fn reference(&self, columns: u64) -> Result<Fit> {
+        let m = self.moments;
+        let root = (m.frames as f64).sqrt();
+        // The design matrix, whose first column has no exponent, is divided by a power of two that
+        // keeps it in range.
+        let design = self.exponents.keypoint.max(0);
+        let mut target = Matrix3x2::zeros();
+        for axis in 0..2 {
+            target[(0, axis)] = root * m.truth_mean[axis];
             for i in 0..2 {
-                if spread[i] > noise && spread[i] > bound {
-                    kept += 1;
-                    a += (projected.row(i).transpose() / spread[i]) * axes.row(i);
-                } else {
-                    for axis in 0..2 {
-                        squares[axis] += projected[(i, axis)].powi(2);
-                    }
-                }
+                target[(i + 1, axis)] = self.projected[(i, axis)];
             }
-            let b = Vector2::from(m.truth_mean) - a * mean;
-            exponents.fitted(a, b, squares, m.frames, kept < moving_axes)
         }
-        Rank::Reference => {
-            let root = t.sqrt();
-            // The design matrix, whose first column has no exponent, divided by a power of two
-            // that keeps it in range.
-            let design = exponents.keypoint.max(0);
-            let to_design = exponents.keypoint - design;
-            let mut r = Matrix3::zeros();
-            r[(0, 0)] = times_power(root, -design);
-            for j in 0..2 {
-                r[(0, j + 1)] = times_power(root * mean[j], to_design);
-                for i in 0..2 {
-                    r[(i + 1, j + 1)] = if spread[i] > noise {
-                        times_power(spread[i] * axes[(i, j)], to_design)
-                    } else {
-                        0.0
-                    };
+        let svd = self.design_matrix(root, design).svd(true, true);
+        let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+            // Both factors were asked for; without them nothing is explained.
+            let (a, b) = (Matrix2::zeros(), Vector2::zeros());
+            return self.exponents.fitted(a, b, self.left, m.frames, true);
+        };
+        let rcond = f64::from(f32::EPSILON) * m.frames.max(columns) as f64;
+        let bound = rcond * svd.singular_values.max();
+        let mut weights = Matrix3x2::zeros();
+        let mut squares = self.left;
+        let mut kept = 0;
+        for i in 0..3 {
+            let along = u.column(i).transpose() * target;
+            if svd.singular_values[i] > bound {
+                kept += 1;
+                weights += v_t.row(i).transpose() * along / svd.singular_values[i];
+            } else {
+                for axis in 0..2 {
+                    squares[axis] += along[axis] * along[axis];
                 }
             }
-            let mut target = Matrix3x2::zeros();
-            for axis in 0..2 {
-                target[(0, axis)] = root * m.truth_mean[axis];
-                for i in 0..2 {
-                    target[(i + 1, axis)] = projected[(i, axis)];
-                }
-            }
-            let svd = r.svd(true, true);
-            let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
-                // Both factors were asked for; without them nothing is explained.
-                let (a, b) = (Matrix2::zeros(), Vector2::zeros());
-                return exponents.fitted(a, b, left, m.frames, true);
-            };
-            let rcond = f64::from(f32::EPSILON) * m.frames.max(columns) as f64;
-            let bound = rcond * svd.singular_values.max();
-            let mut weights = Matrix3x2::zeros();
-            let mut squares = left;
-            let mut kept = 0;
-            for i in 0..3 {
-                let along = u.column(i).transpose() * target;
-                if svd.singular_values[i] > bound {
-                    kept += 1;
-                    weights += v_t.row(i).transpose() * along / svd.singular_values[i];
-                } else {
-                    for axis in 0..2 {
-                        squares[axis] += along[axis] * along[axis];
-                    }
-                }
-            }
-            let a = Matrix2::new(
-                weights[(1, 0)],
-                weights[(2, 0)],
-                weights[(1, 1)],
-                weights[(2, 1)],
-            );
-            let b = Vector2::new(weights[(0, 0)], weights[(0, 1)]);
-            // The weights of all columns are in the scale of the design matrix.
-            let shift = [0, 1].map(|axis| times_power(b[axis], -design));
-            let exponents = Exponents {
-                keypoint: design,
-                ..exponents
-            };
-            exponents.fitted(a, shift.into(), squares, m.frames, kept < moving_axes + 1)
         }
+        let a = Matrix2::new(
+            weights[(1, 0)],
+            weights[(2, 0)],
+            weights[(1, 1)],
+            weights[(2, 1)],
+        );
+        let b = Vector2::new(weights[(0, 0)], weights[(0, 1)]);
+        // The weights of all columns are in the scale of the design matrix.
+        let shift = [0, 1].map(|axis| times_power(b[axis], -design));
+        let exponents = Exponents {
+            keypoint: design,
+            ..self.exponents
+        };
+        exponents.fitted(a, shift.into(), squares, m.frames, kept < columns)
+    }
+
+    /// `R` of the design matrix, divided by 2 to the power of `design`; `root` is that of the number
+    /// of frames.
+    fn design_matrix(&self, root: f64, design: i32) -> Matrix3<f64> {
+        let to_design = self.exponents.keypoint - design;
+        let mut r = Matrix3::zeros();
+        r[(0, 0)] = times_power(root, -design);
+        for j in 0..2 {
+            r[(0, j + 1)] = times_power(root * self.moments.keypoint_mean[j], to_design);
+            for i in 0..2 {
+                r[(i + 1, j + 1)] = if self.spread[i] > self.noise {
+                    times_power(self.spread[i] * self.axes[(i, j)], to_design)
+                } else {
+                    0.0
+                };
+            }
+        }
+        r
     }
 }
 

@@ -125,6 +125,41 @@ impl Header {
     }
 }
 
+/// The columns of x and y of every body part.
+fn columns(parts: &[Part]) -> Result<Vec<[usize; 2]>> {
+    if parts.is_empty() {
+        return Err(Error::input("the header names no body part"));
+    }
+    let both = |part: &Part| {
+        let both = part.x.zip(part.y).map(|(x, y)| [x, y]);
+        both.ok_or_else(|| {
+            Error::input(format!(
+                "`{}` has one coordinate; expected x and y",
+                part.name
+            ))
+        })
+    };
+    parts.iter().map(both).collect()
+}
+
+/// The sequence and the frame of a row, by the parts of the path before its points. `video` is the
+/// sequence where there is but a number; `first` is the first field, for errors.
+fn place<'a>(path: &[&'a str], video: &'a str, first: &str) -> Result<(&'a str, u64), String> {
+    if let [.., folder, image] = path {
+        let frame = image_number(image).ok_or_else(|| {
+            format!("`{image}` has no number; expected an image with the number of its frame")
+        })?;
+        return Ok((folder, frame));
+    }
+    let frame = path.first().and_then(|number| whole_number(number));
+    frame.map(|frame| (video, frame)).ok_or_else(|| {
+        format!(
+            "`{first}` is neither a frame nor the path of an image; expected e.g. `12` or \
+             `labeled-data/video/img012.png`"
+        )
+    })
+}
+
 pub fn read(mut table: Delimited, stem: &str, options: &TableOptions) -> Result<Raw> {
     let header = Header::read(&mut table)?;
     let first = header.first();
@@ -134,19 +169,7 @@ pub fn read(mut table: Delimited, stem: &str, options: &TableOptions) -> Result<
     if !in_space && parts.iter().any(|part| part.z.is_some()) {
         others.push("z".to_owned());
     }
-    let mut columns = Vec::new();
-    for part in &parts {
-        let (Some(x), Some(y)) = (part.x, part.y) else {
-            return Err(Error::input(format!(
-                "`{}` has one coordinate; expected x and y",
-                part.name
-            )));
-        };
-        columns.push([x, y]);
-    }
-    if columns.is_empty() {
-        return Err(Error::input("the header names no body part"));
-    }
+    let columns = columns(&parts)?;
     let others: Vec<&str> = others.iter().map(String::as_str).collect();
     table.leave_out(&others);
 
@@ -171,25 +194,7 @@ pub fn read(mut table: Delimited, stem: &str, options: &TableOptions) -> Result<
             .filter(|part| !part.is_empty())
             .collect();
         let wrong = |message: String| wrong_field(line, "scorer", message);
-        let (sequence, frame) = match path.as_slice() {
-            [.., folder, image] => {
-                let frame = image_number(image).ok_or_else(|| {
-                    wrong(format!(
-                        "`{image}` has no number; expected an image with the number of its frame"
-                    ))
-                })?;
-                (*folder, frame)
-            }
-            [number] if whole_number(number).is_some() => {
-                (video, whole_number(number).unwrap_or_default())
-            }
-            _ => {
-                return Err(wrong(format!(
-                    "`{}` is neither a frame nor the path of an image; expected e.g. `12` or `labeled-data/video/img012.png`",
-                    field(0)
-                )));
-            }
-        };
+        let (sequence, frame) = place(&path, video, field(0)).map_err(wrong)?;
         let sequence = sequences.number(sequence).map_err(wrong)?;
         for (number, (part, [x, y])) in parts.iter().zip(&columns).enumerate() {
             let wrong = |column: usize| {
