@@ -44,35 +44,43 @@ pub fn columns(content: Content) -> [&'static str; 5] {
     ["sequence", "frame", point, "x", "y"]
 }
 
-pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> Result<Raw> {
+/// # Errors
+/// When a column is missing.
+fn check_columns(table: &Delimited, content: Content) -> Result<()> {
     let columns = columns(content);
-    let expected = columns.join(",");
-    let header = table.header.clone();
     let missing: Vec<&str> = columns
         .into_iter()
         .filter(|column| table.column(column).is_none())
         .collect();
-    if !missing.is_empty() {
-        let found: Vec<&str> = header.iter().collect();
-        let (other, what) = match content {
-            Content::GroundTruth => ("keypoint", "keypoints"),
-            Content::Keypoints => ("object", "ground truth"),
-        };
-        let swapped = match table.column(other) {
-            Some(_) => format!("; this is a table of {what}: are the two tables swapped?"),
-            None => String::new(),
-        };
-        return Err(Error::input(format!(
-            "line 1: column{} {} missing; expected `{expected}` (or two columns a point, e.g. `frame,cube_x,cube_y`), \
-             found `{}`{swapped}",
-            if missing.len() == 1 { "" } else { "s" },
-            quote_list(&missing),
-            found.join(",")
-        ))
-        .because(Reason::OtherColumns {
-            missing: missing.into_iter().map(str::to_owned).collect(),
-        }));
+    if missing.is_empty() {
+        return Ok(());
     }
+    let (other, what) = match content {
+        Content::GroundTruth => ("keypoint", "keypoints"),
+        Content::Keypoints => ("object", "ground truth"),
+    };
+    let swapped = match table.column(other) {
+        Some(_) => format!("; this is a table of {what}: are the two tables swapped?"),
+        None => String::new(),
+    };
+    let found: Vec<&str> = table.header.iter().collect();
+    Err(Error::input(format!(
+        "line 1: column{} {} missing; expected `{}` (or two columns a point, e.g. \
+         `frame,cube_x,cube_y`), found `{}`{swapped}",
+        if missing.len() == 1 { "" } else { "s" },
+        quote_list(&missing),
+        columns.join(","),
+        found.join(",")
+    ))
+    .because(Reason::OtherColumns {
+        missing: missing.into_iter().map(str::to_owned).collect(),
+    }))
+}
+
+pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> Result<Raw> {
+    let columns = columns(content);
+    let header = table.header.clone();
+    check_columns(&table, content)?;
     let at = columns.map(|column| table.column(column).unwrap_or_default());
     let sureness = header
         .iter()
@@ -131,7 +139,8 @@ pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> R
     }
     if rows.is_empty() {
         return Err(Error::input(format!(
-            "the table has a header and no rows; expected one row a point (`{expected}`)"
+            "the table has a header and no rows; expected one row a point (`{}`)",
+            columns.join(",")
         )));
     }
     Ok(Raw {
