@@ -44,17 +44,20 @@ pub fn columns(content: Content) -> [&'static str; 5] {
     ["sequence", "frame", point, "x", "y"]
 }
 
+/// Where the [`columns`] are.
+///
 /// # Errors
-/// When a column is missing.
-fn check_columns(table: &Delimited, content: Content) -> Result<()> {
+/// When one is missing.
+fn find_columns(table: &Delimited, content: Content) -> Result<[usize; 5]> {
     let columns = columns(content);
-    let missing: Vec<&str> = columns
-        .into_iter()
-        .filter(|column| table.column(column).is_none())
-        .collect();
-    if missing.is_empty() {
-        return Ok(());
+    let places = columns.map(|column| table.column(column));
+    if let [Some(sequence), Some(frame), Some(point), Some(x), Some(y)] = places {
+        return Ok([sequence, frame, point, x, y]);
     }
+    let missing: Vec<&str> = std::iter::zip(columns, places)
+        .filter(|(_, place)| place.is_none())
+        .map(|(column, _)| column)
+        .collect();
     let (other, what) = match content {
         Content::GroundTruth => ("keypoint", "keypoints"),
         Content::Keypoints => ("object", "ground truth"),
@@ -80,8 +83,7 @@ fn check_columns(table: &Delimited, content: Content) -> Result<()> {
 pub fn read(mut table: Delimited, content: Content, options: &TableOptions) -> Result<Raw> {
     let columns = columns(content);
     let header = table.header.clone();
-    check_columns(&table, content)?;
-    let at = columns.map(|column| table.column(column).unwrap_or_default());
+    let at = find_columns(&table, content)?;
     let sureness = header
         .iter()
         .enumerate()
