@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use serde::Serialize;
 
-use super::names::{cleaned, is_image, natural, numbers, original, stem};
+use super::names::{cleaned, is_image, natural_order, numbers, original, stem};
 use crate::error::{Error, Result};
 use crate::track::FrameKey;
 
@@ -50,7 +50,7 @@ impl FrameIndex {
         Self::among(paths, |_| true)
     }
 
-    fn among<S: AsRef<str>>(paths: &[S], is_frame: impl Fn(&str) -> bool) -> Result<Self> {
+    fn among<S: AsRef<str>>(paths: &[S], is_frame: fn(&str) -> bool) -> Result<Self> {
         let mut folders: BTreeMap<&str, Vec<(usize, &str)>> = BTreeMap::new();
         let mut ignored = Vec::new();
         for (i, path) in paths.iter().enumerate() {
@@ -72,29 +72,31 @@ impl FrameIndex {
         let last = |folder: &'_ str| folder.rsplit('/').next().unwrap_or_default().to_owned();
         let names: HashSet<String> = folders.keys().map(|f| last(f)).collect();
         let short = names.len() == folders.len();
-        let mut folders: Vec<_> = folders.into_iter().collect();
-        folders.sort_by(|(a, _), (b, _)| natural(a, b));
+        let folders: Vec<(&str, Vec<(usize, &str)>)> = folders.into_iter().collect();
+        let names: Vec<&str> = folders.iter().map(|(folder, _)| *folder).collect();
 
         let mut keys = Vec::new();
         let mut order = Vec::new();
-        for (folder, mut files) in folders {
-            let sequence = match folder {
+        for place in natural_order(&names) {
+            let (folder, files) = &folders[place];
+            let sequence = match *folder {
                 "" => "images".to_owned(),
                 _ if short => cleaned(&last(folder)).into_owned(),
                 _ => cleaned(folder).into_owned(),
             };
-            files.sort_by(|(_, a), (_, b)| natural(a, b));
             let names: Vec<&str> = files.iter().map(|(_, file)| *file).collect();
-            let numbers = frame_numbers(&names).map_err(|e| match folder {
+            let places = natural_order(&names);
+            let names: Vec<&str> = places.iter().map(|i| names[*i]).collect();
+            let numbers = frame_numbers(&names).map_err(|e| match *folder {
                 "" => e,
                 _ => e.at(folder),
             })?;
-            for ((i, _), frame) in files.into_iter().zip(numbers) {
+            for (i, frame) in places.into_iter().zip(numbers) {
                 keys.push(FrameKey {
                     sequence: sequence.clone(),
                     frame,
                 });
-                order.push(i);
+                order.push(files[i].0);
             }
         }
         Ok(Self {

@@ -222,12 +222,11 @@ fn match_sequences<'a>(
         by_number(&rest(left), rules),
         by_number(&rest(right), rules),
     );
-    let mut found: Vec<(u64, &str, &str)> = a
+    let found: Vec<(u64, &str, &str)> = a
         .iter()
         .filter_map(|(n, s)| Some((*n, *s, *b.get(&before(*n, shift)?)?)))
         .collect();
-    found.sort_unstable();
-    if let Some((_, a, b)) = found.first() {
+    if let Some((_, a, b)) = found.iter().min() {
         rules.push(format!(
             "sequences matched by the number in their name (`{a}` = `{b}`)"
         ));
@@ -263,8 +262,7 @@ fn by_number<'a>(names: &[&'a str], rules: &mut Vec<String>) -> HashMap<u64, &'a
             _ => shared.push((number, names)),
         }
     }
-    shared.sort_unstable();
-    if let Some((number, names)) = shared.first() {
+    if let Some((number, names)) = shared.iter().min() {
         rules.push(format!(
             "`{}` and `{}` both have the number {number}: sequences that share a number are not matched by it",
             names[0], names[1]

@@ -1,7 +1,6 @@
 //! What the names of files and folders say: their order, the numbers in them, which are images.
 
 use std::borrow::Cow;
-use std::cmp::Ordering;
 
 use crate::error::without_controls;
 
@@ -27,8 +26,11 @@ fn composed(name: &str) -> String {
 
 const IMAGE_ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
-pub(super) fn natural(a: &str, b: &str) -> Ordering {
-    alphanumeric_sort::compare_str(a, b)
+/// The positions of `names` in natural order (`frame_2` before `frame_10`); equal ones keep theirs.
+pub(super) fn natural_order(names: &[&str]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..names.len()).collect();
+    order.sort_by(|a, b| alphanumeric_sort::compare_str(names[*a], names[*b]));
+    order
 }
 
 /// Every run of digits in `text` that is a number.

@@ -3,7 +3,7 @@
 use super::arrays::{
     ArrayFile, ArrayInfo, ENDS, FRAMES, Kind, Members, POINTS, Values, check_frames, find, listed,
 };
-use super::names::natural;
+use super::names::natural_order;
 use super::reading::AxisOrder;
 use crate::error::{Error, Reason, Result};
 
@@ -73,12 +73,13 @@ impl Sequences {
         if names.is_empty() {
             return Ok(Self::Axis);
         }
-        names.sort_by(|a, b| natural(a, b));
-        let episode = |name: String| Episode {
-            path: join(data, &name),
-            name,
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let episode = |i: usize| Episode {
+            path: join(data, names[i]),
+            name: names[i].to_owned(),
         };
-        Ok(Self::Groups(names.into_iter().map(episode).collect()))
+        let order = natural_order(&names).into_iter();
+        Ok(Self::Groups(order.map(episode).collect()))
     }
 
     /// Whether every sequence has arrays of its own, or shares them without an axis of sequences.

@@ -1,6 +1,6 @@
 //! Centred first and second moments of keypoints and objects, and their exact merge.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::scale::{ZERO, larger, times_power};
 
@@ -82,7 +82,9 @@ impl ObjectMoments {
     /// Merges the moments of other frames.
     pub fn merge(&mut self, other: &Self) {
         let mine = self.partial.keys();
-        let parts: BTreeSet<usize> = mine.chain(other.partial.keys()).copied().collect();
+        let mut parts: Vec<usize> = mine.chain(other.partial.keys()).copied().collect();
+        parts.sort_unstable();
+        parts.dedup();
         for n in parts {
             self.part(n).merge_frames(&other.one(n));
         }

@@ -297,7 +297,7 @@ fn sorted(values: &[f64]) -> Result<Vec<f64>> {
         }));
     }
     let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_unstable_by(f64::total_cmp);
     Ok(sorted)
 }
 

@@ -1,6 +1,6 @@
 //! The files of a run folder, and which folders are run folders.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -112,7 +112,7 @@ pub struct FoundRuns {
 /// its name ends in `.partial` and it holds a [`CONFIG`] or an [`ERROR`]. Checkpoints, an agent's
 /// networks, state, lock and event files in a run folder belong to the run.
 pub fn find_runs<'a>(paths: impl IntoIterator<Item = &'a str> + Clone) -> FoundRuns {
-    let folders: BTreeSet<&str> = paths
+    let folders: HashSet<&str> = paths
         .clone()
         .into_iter()
         .map(split)

@@ -48,7 +48,7 @@ pub use write::{ground_truth_csv, keypoints_csv};
 pub use write_coco::coco_json;
 pub use write_deeplabcut::deeplabcut_csv;
 
-use super::names::natural;
+use super::names::natural_order;
 use super::reading::{
     AxisOrder, Layout, Notice, Parsed, Reading, TableOptions, missing_image_size, point_notices,
 };
@@ -88,7 +88,7 @@ pub fn parse_ground_truth(
             points,
             confidence,
             mut notices,
-        } = arrange(&raw, |k| format!("object {}", names[k]))?;
+        } = arrange(&raw, &|k| format!("object {}", names[k]))?;
         notices.extend(point_notices(
             &points,
             "positions are missing: the object counts as not visible in that frame",
@@ -143,7 +143,7 @@ pub fn parse_keypoints(
             points,
             confidence,
             mut notices,
-        } = arrange(&raw, |n| format!("keypoint {n}"))?;
+        } = arrange(&raw, &|n| format!("keypoint {n}"))?;
         notices.extend(point_notices(
             &points,
             "keypoints are missing or not finite",
@@ -282,10 +282,10 @@ struct Arranged {
     notices: Vec<Notice>,
 }
 
-fn arrange(table: &Raw, name_of: impl Fn(usize) -> String) -> Result<Arranged> {
+fn arrange(table: &Raw, name_of: &dyn Fn(usize) -> String) -> Result<Arranged> {
     let points = table.points.len();
-    let mut order: Vec<usize> = (0..table.sequences.len()).collect();
-    order.sort_by(|a, b| natural(&table.sequences[*a], &table.sequences[*b]));
+    let sequences: Vec<&str> = table.sequences.iter().map(|name| &**name).collect();
+    let order = natural_order(&sequences);
     let mut rank = vec![0; order.len()];
     for (position, sequence) in order.iter().enumerate() {
         rank[*sequence] = position;
