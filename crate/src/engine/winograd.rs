@@ -426,11 +426,15 @@ impl Winograd<'_> {
                             for column in 0..M / 2 {
                                 let at = [place[0] * M / 2 + column, place[1] * M / 2 + row];
                                 if whole || (at[0] < self.to.size[0] && at[1] < self.to.size[1]) {
-                                    let pairs = [0, 1].map(|i| {
-                                        let pair = &cells[2 * row + i][2 * column..];
-                                        larger(isa, pair[0], pair[1])
-                                    });
-                                    let value = larger(isa, pairs[0], pairs[1]);
+                                    // Not by `map`, whose closure is not always inlined, and then
+                                    // runs without the vectors of the instruction set.
+                                    let (up, down) = (&cells[2 * row], &cells[2 * row + 1]);
+                                    let (left, right) = (2 * column, 2 * column + 1);
+                                    let value = larger(
+                                        isa,
+                                        larger(isa, up[left], up[right]),
+                                        larger(isa, down[left], down[right]),
+                                    );
                                     let value = larger(isa, floor, ops.mul_add(scale, value, bias));
                                     let to = self.output.as_mut_ptr();
                                     ops.store_ptr(
