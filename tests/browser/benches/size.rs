@@ -7,7 +7,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use tracklens_page_tests::{Page, example};
+use tracklens_page_tests::{Browser, Page, example};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -31,7 +31,7 @@ async fn main() {
     make_archive(&frames, &archive);
     let mut good = true;
     for (what, files) in [("folder", &frames), ("archive", &archive)] {
-        let page = Page::open().await;
+        let page = Page::open_moving(Browser::Chromium).await;
         let start = Instant::now();
         match what {
             "folder" => page.pick_folder(files).await,

@@ -17,6 +17,15 @@ pub enum Browser {
     Firefox,
 }
 
+/// Whether whoever sits in front of a browser wants to see motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Motion {
+    /// The page plays what it opens.
+    Full,
+    /// Nothing plays by itself, which is much of what a browser without a GPU has to do.
+    Reduced,
+}
+
 /// A driver with one window of a fresh profile; it ends with this value.
 pub(crate) struct Session {
     pub driver: WebDriver,
@@ -28,9 +37,9 @@ pub(crate) struct Session {
 const PATIENCE: Duration = Duration::from_secs(120);
 
 impl Browser {
-    pub(crate) async fn start(self, arguments: &[&str]) -> Session {
+    pub(crate) async fn start(self, arguments: &[&str], motion: Motion) -> Session {
         let profile = tempfile::tempdir().expect("a profile");
-        let capabilities = self.capabilities(&profile, arguments);
+        let capabilities = self.capabilities(&profile, arguments, motion);
         let start = Instant::now();
         let (mut process, mut url) = self.start_driver(&profile);
         let driver = loop {
@@ -94,7 +103,12 @@ impl Browser {
         }
     }
 
-    fn capabilities(self, profile: &tempfile::TempDir, arguments: &[&str]) -> Capabilities {
+    fn capabilities(
+        self,
+        profile: &tempfile::TempDir,
+        arguments: &[&str],
+        motion: Motion,
+    ) -> Capabilities {
         match self {
             Self::Chromium => {
                 let mut chromium = DesiredCapabilities::chrome();
@@ -111,7 +125,11 @@ impl Browser {
                     "--window-size=1280,1000",
                     &format!("--user-data-dir={}", profile.path().display()),
                 ];
-                for argument in usual.iter().chain(arguments) {
+                let still = match motion {
+                    Motion::Full => &[][..],
+                    Motion::Reduced => &["--force-prefers-reduced-motion"],
+                };
+                for argument in usual.iter().chain(still).chain(arguments) {
                     chromium.add_arg(argument).expect("an argument");
                 }
                 chromium.into()
@@ -135,6 +153,10 @@ impl Browser {
                     ("media.navigator.permission.disabled", true),
                 ] {
                     preferences.set(name, is_on).expect("a preference");
+                }
+                if motion == Motion::Reduced {
+                    let name = "ui.prefersReducedMotion";
+                    preferences.set(name, 1).expect("a preference");
                 }
                 firefox.set_preferences(preferences).expect("preferences");
                 firefox.into()

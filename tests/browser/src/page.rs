@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use thirtyfour::prelude::*;
 
-use crate::browser::{Browser, Session};
+use crate::browser::{Browser, Motion, Session};
 use crate::command::from_environment;
 use crate::server::{Server, WATCH};
 
@@ -50,13 +50,24 @@ impl Page {
         Self::open_in(Browser::Chromium).await
     }
 
-    /// Opens the page and waits until it is ready.
+    /// Opens the page and waits until it is ready. As in all browsers here but those of
+    /// [`open_moving`](Self::open_moving), it plays nothing before it is told to.
     pub async fn open_in(browser: Browser) -> Self {
+        Self::open_with_motion(browser, Motion::Reduced).await
+    }
+
+    /// Opens the page for somebody who does not mind motion and waits until it is ready.
+    pub async fn open_moving(browser: Browser) -> Self {
+        Self::open_with_motion(browser, Motion::Full).await
+    }
+
+    async fn open_with_motion(browser: Browser, motion: Motion) -> Self {
         let server = match browser {
             Browser::Chromium => Server::start(site(), &[]).await,
             Browser::Firefox => Server::watched(site()).await,
         };
-        let page = Self::open_at(browser, server, "/").await;
+        let page = Self::start(browser, &[], motion, server, "").await;
+        page.goto("/").await;
         page.until("!document.querySelector('#try-example').disabled")
             .await;
         page
@@ -80,6 +91,7 @@ impl Page {
         let page = Self::start(
             Browser::Chromium,
             &[],
+            Motion::Reduced,
             Server::start(site(), &[]).await,
             script,
         )
@@ -102,7 +114,7 @@ impl Page {
         server: Server,
         path: &str,
     ) -> Self {
-        let page = Self::start(browser, arguments, server, "").await;
+        let page = Self::start(browser, arguments, Motion::Reduced, server, "").await;
         page.goto(path).await;
         page
     }
@@ -115,7 +127,14 @@ impl Page {
         path: &str,
         script: &str,
     ) -> Self {
-        let page = Self::start(Browser::Chromium, arguments, server, script).await;
+        let page = Self::start(
+            Browser::Chromium,
+            arguments,
+            Motion::Reduced,
+            server,
+            script,
+        )
+        .await;
         page.goto(path).await;
         page.until("!document.querySelector('#try-example').disabled")
             .await;
@@ -123,8 +142,14 @@ impl Page {
     }
 
     /// A browser with an empty window; Chromium runs `script` before every page.
-    async fn start(browser: Browser, arguments: &[&str], server: Server, script: &str) -> Self {
-        let session = browser.start(arguments).await;
+    async fn start(
+        browser: Browser,
+        arguments: &[&str],
+        motion: Motion,
+        server: Server,
+        script: &str,
+    ) -> Self {
+        let session = browser.start(arguments, motion).await;
         let page = Self {
             driver: session.driver.clone(),
             server,

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 use thirtyfour::prelude::*;
 use tracklens_page_tests::{Browser, EXAMPLE_LENGTH, Page, in_every_browser};
 
@@ -22,12 +22,6 @@ in_every_browser! {
 /// The example, scored, with the first picture on display.
 async fn example(browser: Browser) -> Page {
     let page = Page::open_in(browser).await;
-    if browser == Browser::Chromium {
-        // It does not play by itself then, and so has decoded nothing yet.
-        let still =
-            json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
-        page.cdp("Emulation.setEmulatedMedia", still).await;
-    }
     page.click("#try-example").await;
     page.until_scored().await;
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
@@ -54,7 +48,7 @@ async fn press(page: &Page, selector: &str, keys: impl Into<TypingData>) {
 }
 
 async fn the_example_plays_where_most_moves_until_somebody_steps(browser: Browser) {
-    let page = Page::open_in(browser).await;
+    let page = Page::open_moving(browser).await;
     page.value(
         "(() => { const stage = () => document.querySelector('#stage')?.dataset.frame; let first; \
          document.querySelector('#try-example').addEventListener('click', () => { \

@@ -378,7 +378,7 @@ async fn time_can_be_zoomed(browser: Browser) {
 }
 
 async fn frames_and_truth_play_while_something_is_missing(browser: Browser) {
-    let page = Page::open_in(browser).await;
+    let page = Page::open_moving(browser).await;
     let mut files: Vec<PathBuf> = vec![example("ground_truth.csv")];
     let sequence = fs::read_dir(example("frames"))
         .expect("frames")
