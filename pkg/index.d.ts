@@ -153,6 +153,8 @@ export interface Reading {
   firstKeypoint: number;
   flip: Known<"none" | "x" | "y" | "xy">;
   zeroIsMissing: Known<boolean>;
+  /** `[width, height]` of the images, where the file says them and they are all the same. */
+  imageSize?: [number, number];
 }
 
 /** A camera: JSON, which `docs/formats.md` of the repository describes. Of the part `space`. */

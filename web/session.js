@@ -941,10 +941,30 @@ export class Session extends EventTarget {
     const pictures = positions.map((at) => (at < 0 ? null : (indexed?.sources[at] ?? null)));
     const { sequences, frameNumbers } = scoring;
     const sizes = this.#measure(pictures);
+    if (this.#lacksCommonSize(truth, sizes)) return;
     const config = this.encoder ? this.encoder.info.config : (this.replay?.config ?? null);
     const parts = { scoring, sequences, frameNumbers, pictures, sizes, config };
     const inputs = commandInputs(this.library, this.frameSources);
     this.score.show(new Points(parts), inputs, findings);
+  }
+
+  /**
+   * Whether positions are in pixels of frames of several sizes, which is told then. COCO files have
+   * the size of every image.
+   * @param {GroundTruthTable} truth
+   * @param {[number, number][]} sizes of the frames; one where it is that of all
+   */
+  #lacksCommonSize({ reading }, sizes) {
+    const [[width, height] = [], ...others] = sizes;
+    const other = others.find(([w, h]) => w !== width || h !== height);
+    if (!other || reading.space.value !== "px" || reading.layout === "COCO keypoints") return false;
+    if (this.library.used("ground-truth")?.options.imageSize) return false;
+    const text =
+      `The frames have several sizes (${width} x ${height} and ${other[0]} x ${other[1]} pixels), so ` +
+      "that positions in pixels have no common size. Give them as fractions of their own image, " +
+      "or scale the frames to one size.";
+    this.problems.report("scoring", "error", text);
+    return true;
   }
 
   /** Loads what looks at the data before a score; the frames are there meanwhile. */

@@ -6,6 +6,8 @@
 //!
 //! Points may be in space as well, (x, y, z): in the unit of their file, whatever it is.
 
+use std::collections::HashSet;
+
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use crate::error::{Error, Result};
@@ -132,7 +134,8 @@ impl GroundTruth {
     /// column a name.
     ///
     /// # Errors
-    /// When the shape is not (number of keys, number of names, 2 or 3).
+    /// When the shape is not (number of keys, number of names, 2 or 3), and when two objects have one
+    /// name.
     pub fn new(keys: Vec<FrameKey>, names: Vec<String>, points_ndc: Array3<f64>) -> Result<Self> {
         check_shape("a ground truth", &keys, &points_ndc)?;
         if points_ndc.dim().1 != names.len() {
@@ -140,6 +143,12 @@ impl GroundTruth {
                 "a ground truth of {} objects has {} names",
                 points_ndc.dim().1,
                 names.len()
+            )));
+        }
+        let mut seen = HashSet::new();
+        if let Some(name) = names.iter().find(|name| !seen.insert(*name)) {
+            return Err(Error::input(format!(
+                "two objects are named `{name}`; expected a name of its own for each"
             )));
         }
         Ok(Self {
@@ -168,7 +177,7 @@ impl GroundTruth {
     /// Only the objects `names`, in that order.
     ///
     /// # Errors
-    /// When there is no object of a name.
+    /// When there is no object of a name, or a name stands twice.
     pub fn select(&self, names: &[String]) -> Result<Self> {
         let position = |name: &String| {
             self.names.iter().position(|n| n == name).ok_or_else(|| {

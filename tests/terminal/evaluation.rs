@@ -598,3 +598,112 @@ fn objects_whose_names_look_alike_have_figures_of_their_own() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("7 figures written"), "{said}");
 }
+
+/// The command in a folder.
+fn in_folder(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .expect("the binary runs")
+}
+
+#[test]
+fn pixels_of_frames_of_several_sizes_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut table = "sequence,frame,object,x,y\n".to_owned();
+    std::fs::create_dir(folder.path().join("walk")).expect("made");
+    for t in 0..24_u32 {
+        let size = if t == 17 { [32, 24] } else { [64, 48] };
+        let pixels = (0..size[0] * size[1] * 3).map(|i| ((i * 31 + t * 5) % 251) as u8);
+        let frame = tracklens::data::Frame::new(size[0], size[1], pixels.collect());
+        let png = frame.and_then(|frame| frame.to_png()).expect("an image");
+        std::fs::write(folder.path().join(format!("walk/frame_{t:03}.png")), png).expect("written");
+        let (x, y) = (10 + t % 7 * 6, 8 + t % 5 * 6);
+        writeln!(table, "walk,{t},cube,{x},{y}").expect("text");
+    }
+    std::fs::write(folder.path().join("gt.csv"), table).expect("written");
+    let checkpoint = format!(
+        "{}/../web/example/checkpoint.safetensors",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let eval = |more: &[&str]| {
+        let paths = ["--frames", ".", "--truth", "gt.csv"];
+        let arguments = [&["eval", "--checkpoint", &checkpoint][..], &paths, more].concat();
+        in_folder(folder.path(), &arguments)
+    };
+    let refused = eval(&["--space", "px"]);
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(4), "{told}");
+    assert!(
+        told.contains("gt.csv: sequence walk, frame 17: the frame has 32 x 24 pixels, and the first one 64 x 48")
+            && told.contains("--space fraction")
+            && told.contains("--image-size"),
+        "{told}"
+    );
+    // What says the size itself, or needs none, is scored.
+    for more in [&["--space", "px", "--image-size", "64x48"][..], &[]] {
+        let scored = eval(&[more, &["--json"]].concat());
+        let told = String::from_utf8_lossy(&scored.stderr).into_owned();
+        assert!(scored.status.success(), "{told}");
+    }
+}
+
+#[test]
+fn an_object_counts_once() {
+    let folder = tables();
+    let twice = score(folder.path(), &["--objects", "cube,cube"]);
+    let told = String::from_utf8_lossy(&twice.stderr);
+    assert_eq!(twice.status.code(), Some(3), "{told}");
+    assert!(told.contains("two objects are named `cube`"), "{told}");
+}
+
+#[test]
+fn a_coco_file_says_the_size_of_its_images() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mut annotations, mut images) = (Vec::new(), Vec::new());
+    let mut keypoints = "sequence,frame,keypoint,x,y\n".to_owned();
+    for t in 0..40_u32 {
+        let [x, y] = [t % 7, t % 5].map(|at| f64::from(20 + 30 * at));
+        images.push(serde_json::json!({
+            "id": t, "file_name": format!("walk/{t:03}.png"), "width": 320, "height": 240,
+        }));
+        annotations.push(serde_json::json!({
+            "id": t, "image_id": t, "category_id": 1, "keypoints": [x, y, 2], "num_keypoints": 1,
+        }));
+        // Off by 2 pixels of 320 to one side or the other.
+        let off = if t % 2 == 0 { 2.0 } else { -2.0 };
+        let (x, y) = ((x + off) / 160.0 - 1.0, y / 120.0 - 1.0);
+        writeln!(keypoints, "walk,{t},0,{x},{y}").expect("text");
+    }
+    let coco = serde_json::json!({
+        "images": images, "annotations": annotations,
+        "categories": [{ "id": 1, "name": "cube", "keypoints": ["cube"] }],
+    });
+    std::fs::write(folder.path().join("gt.json"), coco.to_string()).expect("written");
+    std::fs::write(folder.path().join("kp.csv"), keypoints).expect("written");
+    let score = |more: &[&str]| {
+        let files = [
+            "score",
+            "--truth",
+            "gt.json",
+            "--keypoints",
+            "kp.csv",
+            "--json",
+        ];
+        in_folder(folder.path(), &[&files[..], more].concat())
+    };
+    let found = score(&[]);
+    let found: Value = serde_json::from_slice(&found.stdout).expect("JSON");
+    assert_eq!(found["image_size"], serde_json::json!([320, 240]));
+    let pixels = number(&found["objects"][0]["rmse_px"]);
+    // The map takes up a part of the two pixels.
+    assert!((1.5..=2.0).contains(&pixels), "{found}");
+    let refused = score(&["--image-size", "640x480"]);
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success());
+    assert!(
+        told.contains("gt.json: its images have 320 x 240 pixels, and --image-size says 640x480"),
+        "{told}"
+    );
+}

@@ -117,7 +117,12 @@ pub(super) fn write_points(arguments: &ConvertArguments, target: Target) -> Resu
         false if arguments.keypoints => {
             Points::Keypoints(reading.read_keypoints(input, arguments.columns.as_ref())?)
         }
-        false => Points::Truth(reading.read(input, arguments.columns.as_ref())?.points),
+        false => {
+            let truth = reading.read(input, arguments.columns.as_ref())?;
+            let own = truth.reading.and_then(|reading| reading.image_size);
+            image_size = image_size.or(own);
+            Points::Truth(truth.points)
+        }
     };
     let out = &arguments.out;
     let size = || {

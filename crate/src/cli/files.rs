@@ -11,12 +11,12 @@ use clap::Args;
 use super::hints::hint;
 use crate::command_line;
 use crate::data::{
-    AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, Ground, HDF5_MAGIC, NPY_MAGIC,
-    Notice, NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions, ZIP_MAGIC,
-    ZarrStore, ZipStore, describes_zarr, export_parquet, export_pickle, ground_truth_of_arrays,
-    keypoints_of_arrays, parse_ground_truth, parse_keypoints, parse_npz_ground_truth,
-    parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints, read_zarr_ground_truth,
-    read_zarr_keypoints,
+    AxisOrder, Columns, Flip, Frame, FrameIndex, FrameSource, Ground, HDF5_MAGIC, Layout,
+    NPY_MAGIC, Notice, NpyArray, PARQUET_MAGIC, Parsed, Reading, Recording, Space, TableOptions,
+    ZIP_MAGIC, ZarrStore, ZipStore, describes_zarr, export_parquet, export_pickle,
+    ground_truth_of_arrays, keypoints_of_arrays, parse_ground_truth, parse_keypoints,
+    parse_npz_ground_truth, parse_npz_keypoints, read_hdf5_ground_truth, read_hdf5_keypoints,
+    read_zarr_ground_truth, read_zarr_keypoints,
 };
 use crate::error::{Error, ErrorKind, Reason, Result, without_controls};
 use crate::pickle::is_pickle;
@@ -38,8 +38,7 @@ pub(super) fn is_same(a: &Path, b: &Path) -> bool {
 /// How points are read from tables and recordings, and which of them count.
 #[derive(Debug, Args)]
 pub(super) struct TruthArguments {
-    /// Order of coordinates in points, of keypoints too unless --keypoints-axis-order says otherwise:
-    /// xy or yx; default: what the file says, else xy
+    /// Order of coordinates in points: xy or yx; default: what the file says, else xy
     #[arg(long, value_name = "ORDER")]
     axis_order: Option<AxisOrder>,
     /// Only these objects of the ground truth, in this order (e.g. cube,target,eef); default: all
@@ -149,11 +148,28 @@ impl TruthArguments {
         columns: Option<&Columns>,
         frames: &dyn FrameSource,
     ) -> Result<Truth> {
-        self.read_sized(path, columns, || {
+        let truth = self.read_sized(path, columns, || {
             // Frames that cannot be read are told when it is their turn.
             let frame = frames.read(0).ok()?;
             Some([frame.width(), frame.height()])
-        })
+        })?;
+        let needs_size = truth.reading.is_some_and(|reading| {
+            // A COCO file has the size of every image.
+            reading.space.value == Space::Pixels && reading.layout != Layout::Coco
+        });
+        if needs_size
+            && self.image_size.is_none()
+            && let Some((i, [[width, height], [w, h]])) = frames.other_size()
+        {
+            return Err(Error::mismatch(format!(
+                "{}: the frame has {w} x {h} pixels, and the first one {width} x {height}, so that positions in pixels \
+                 have no common size; give them as fractions of their own image with --space fraction, or the size \
+                 that they all belong to with --image-size WxH",
+                frames.index().keys()[i]
+            ))
+            .at(path.display()));
+        }
+        Ok(truth)
     }
 
     /// Reads a table, whose `columns` may be named, or the points of another file.
@@ -199,6 +215,14 @@ impl TruthArguments {
             Kind::Other => parse_ground_truth(&read_table(path, columns, false)?, &name, &options)?,
         };
         tell(path, &table.notices);
+        if let (Some([w, h]), Some([width, height])) = (self.image_size, table.reading.image_size)
+            && [w, h] != [width, height]
+        {
+            return Err(Error::mismatch(format!(
+                "its images have {width} x {height} pixels, and --image-size says {w}x{h}; leave the option out"
+            ))
+            .at(path.display()));
+        }
         self.select(table.content, Some(table.reading))
     }
 
@@ -444,6 +468,14 @@ impl FrameSource for Folder {
     fn read(&self, i: usize) -> Result<Frame> {
         let path = &self.paths[self.index.order()[i]];
         Frame::decode(&read(path)?).map_err(|e| e.at(path.display()))
+    }
+
+    fn other_size(&self) -> Option<(usize, [[u32; 2]; 2])> {
+        let size = |i: usize| Frame::size_of(&read(&self.paths[self.index.order()[i]]).ok()?);
+        let first = size(0)?;
+        let others = (1..self.index.keys().len()).filter_map(|i| Some((i, size(i)?)));
+        let mut differing = others.filter(|(_, other)| *other != first);
+        differing.next().map(|(i, other)| (i, [first, other]))
     }
 }
 

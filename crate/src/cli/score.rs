@@ -167,7 +167,8 @@ pub(super) fn run(arguments: &ScoreArguments) -> Result<()> {
         .reading
         .read(&arguments.truth, arguments.columns.as_ref())?;
     let camera = arguments.scoring.camera()?;
-    let image_size = arguments.reading.image_size;
+    let own = truth.reading.and_then(|reading| reading.image_size);
+    let image_size = arguments.reading.image_size.or(own);
     let image_size = image_size.or(camera.as_ref().map(|camera| camera.image_size));
     let keypoints = files::read_keypoints(
         &arguments.keypoints,

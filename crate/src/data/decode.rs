@@ -76,6 +76,18 @@ impl Frame {
         let image = ::image::DynamicImage::from_decoder(decoder).map_err(damaged)?;
         Self::new(width, height, image.into_rgb8().into_raw())
     }
+
+    /// Width and height of an image that [`Frame::decode`] takes, without its pixels; None where its
+    /// head cannot be read.
+    pub fn size_of(bytes: &[u8]) -> Option<[u32; 2]> {
+        if bytes.starts_with(npy::MAGIC) {
+            let frame = decode_array(bytes).ok()?;
+            return Some([frame.width(), frame.height()]);
+        }
+        let reader = ImageReader::new(Cursor::new(bytes));
+        let (width, height) = reader.with_guessed_format().ok()?.into_dimensions().ok()?;
+        Some([width, height])
+    }
 }
 
 /// Whether a JPEG image goes on to its end marker: the decoder makes grey of what is missing and

@@ -72,6 +72,9 @@ pub struct Reading {
     pub flip: Known<Flip>,
     /// Whether positions of exactly (0, 0) mean that the point was not found.
     pub zero_is_missing: Known<bool>,
+    /// Width and height of the images in pixels, where the file says them and they are all the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_size: Option<[u32; 2]>,
 }
 
 impl Reading {
@@ -93,6 +96,7 @@ impl Reading {
             first_keypoint: options.first_keypoint(),
             flip: Known::of(options.flip, Flip::None, Ground::Guess),
             zero_is_missing: Known::of(options.zero_is_missing, false, Ground::Guess),
+            image_size: None,
         }
     }
 

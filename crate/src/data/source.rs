@@ -37,6 +37,13 @@ pub trait FrameSource: Send + Sync {
         Ok(())
     }
 
+    /// The first frame of another size than frame 0, with both sizes (width and height, that of
+    /// frame 0 first); None where all have one size, as in every recording. Frames that cannot be
+    /// read are passed over.
+    fn other_size(&self) -> Option<(usize, [[u32; 2]; 2])> {
+        None
+    }
+
     /// Whether some frames are floats, which 8 bits would quantise.
     fn has_floats(&self) -> bool {
         false

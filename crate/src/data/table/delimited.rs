@@ -24,7 +24,10 @@ pub fn read(text: &str, name: &str, content: Content, options: &TableOptions) ->
     }
     let mut notices: Vec<Notice> = Vec::new();
     if comments > 0 {
-        notices.push(format!("{comments} lines before the header begin with #").into());
+        notices.push(match comments {
+            1 => "the line before the header begins with #".to_owned().into(),
+            _ => format!("{comments} lines before the header begin with #").into(),
+        });
     }
     let (delimiter, word) = start.delimiter();
     if delimiter != b',' {

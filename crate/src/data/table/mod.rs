@@ -262,6 +262,10 @@ fn read(
             None => raw.lacks_size = true,
         }
     }
+    reading.image_size = match raw.sizes[..] {
+        [size] if raw.rows.iter().all(|row| row.size.is_some()) => Some(size),
+        _ => None,
+    };
     Ok((raw, reading))
 }
 

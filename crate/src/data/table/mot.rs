@@ -65,8 +65,8 @@ pub fn read(mut table: Delimited, stem: &str) -> Result<Raw> {
         return Err(Error::input("the table has no rows"));
     }
     table.notices.push(
-        "points are the centres of the boxes; these files count frames from 1: say so (first frame 1) where the \
-         other file counts from 0"
+        "points are the centres of the boxes; these files count frames from 1: read them with first frame 1 \
+         where the other file counts from 0"
             .to_owned()
             .into(),
     );

@@ -199,7 +199,7 @@ fn numbers(keys: &[FrameKey]) -> Option<BTreeMap<u64, &str>> {
 fn errors(compared: Option<Comparison>) -> String {
     compared.map_or_else(String::new, |c| {
         format!(
-            "; the error on held-out frames is {:.5} as it is and {:.5} then",
+            "; the error on held-out frames is {:.5} now and would be {:.5}",
             c.before, c.after
         )
     })

@@ -328,7 +328,7 @@ fn profiles(runs: &Runs, report: &RunsReport) -> Result<Figure> {
             {
                 // A step at every error, between the ends of the axis.
                 let mut taus: Vec<f64> = errors.iter().copied().filter(|e| e.is_finite()).collect();
-                taus.sort_by(f64::total_cmp);
+                taus.sort_unstable_by(f64::total_cmp);
                 let shares = performance_profile(errors, &taus).unwrap_or_default();
                 let mut points = vec![(axis.low(), 0.0)];
                 let mut before = 0.0;

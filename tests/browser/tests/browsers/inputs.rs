@@ -15,6 +15,7 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 in_every_browser! {
     pixels_without_frames_ask_for_the_size_of_the_images
+    pixels_of_frames_of_several_sizes_are_refused
     frames_in_which_a_keypoint_is_missing_are_counted
     a_table_in_another_unit_is_asked_about
     the_true_fault_of_a_file_is_named
@@ -179,6 +180,41 @@ async fn pixels_without_frames_ask_for_the_size_of_the_images(browser: Browser) 
         "Math.abs(Number(document.querySelector('.card').dataset.error) - {other}) > 0.01 * {other}"
     ))
     .await;
+    page.close().await;
+}
+
+async fn pixels_of_frames_of_several_sizes_are_refused(browser: Browser) {
+    let folder = Folder::new();
+    let mut truth = String::from("sequence,frame,object,x,y\n");
+    let photos = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/photos/seq_0000");
+    let mut files = Vec::new();
+    for t in 0..12 {
+        // 128 x 128 pixels, and those of the example 256 x 256.
+        let frame = match t {
+            7 => photos.join("frame_004.png"),
+            _ => example(&format!("frames/seq_0000/frame_{t:03}.png")),
+        };
+        let frame = fs::read(frame).expect("a frame");
+        files.push(folder.put(&format!("frame_{t:03}.png"), &frame));
+        truth += &format!(
+            "walk,{t},cube,{},{}\n",
+            40 + 10 * (t % 5),
+            200 - 15 * (t % 4)
+        );
+    }
+    files.push(folder.put("gt.csv", truth.as_bytes()));
+    files.push(example("checkpoint.safetensors"));
+    let page = Page::open_in(browser).await;
+    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    page.pick(&files).await;
+    correct(&page, "ground-truth", "space", "px").await;
+    page.until("document.querySelector('#problems').textContent.includes('several sizes (256 x 256 and 128 x 128 pixels)')")
+        .await;
+    assert_eq!(
+        page.value("document.querySelector('#results').dataset.tc ?? null")
+            .await,
+        Value::Null
+    );
     page.close().await;
 }
 
