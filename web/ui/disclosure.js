@@ -23,9 +23,12 @@ export function disclosure(key, summary, content) {
     h("summary", {}, ...summary),
   );
   if (content instanceof HTMLElement) details.append(content);
-  const update = () => {
+  const remember = () => {
     if (details.open) opened.add(key);
     else opened.delete(key);
+  };
+  const update = () => {
+    remember();
     if (!details.open || content instanceof HTMLElement) return;
     if (details.childElementCount === 1) {
       const made = content();
@@ -34,7 +37,12 @@ export function disclosure(key, summary, content) {
     }
     if (details.lastElementChild) details.lastElementChild.scrollTop = scrolled.get(key) ?? 0;
   };
-  details.addEventListener("toggle", update);
+  details.addEventListener("toggle", () => {
+    // The event comes late. Where others took the place of these details, they have the content, and
+    // would lose it.
+    if (details.isConnected) update();
+    else remember();
+  });
   details.open = opened.has(key);
   // At once, and not with the event: what is drawn anew has no gap. The event finds it in its place.
   if (details.open) update();

@@ -283,6 +283,14 @@ impl Page {
             .unwrap_or_else(|e| panic!("{selector}: {e}"));
     }
 
+    /// Takes everything away, and waits until it is: what is shown from then on belongs to what comes
+    /// next.
+    pub async fn start_over(&self) {
+        self.click("#start-over").await;
+        self.until("document.querySelector('#start-over').hidden")
+            .await;
+    }
+
     /// Picks files in the page's own input.
     pub async fn pick(&self, files: &[&Path]) {
         let paths: Vec<String> = files

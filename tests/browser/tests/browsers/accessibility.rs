@@ -135,7 +135,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
         .await;
     check("results").await;
 
-    page.click("#start-over").await;
+    page.start_over().await;
     let folder = tempfile::tempdir().expect("a folder");
     let broken = folder.path().join("gt.csv");
     fs::write(&broken, "sequence,frame,object,x,z\na,0,cube,0,0\n").expect("written");
@@ -146,7 +146,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     page.until_text("column y missing").await;
     check("errors").await;
 
-    page.click("#start-over").await;
+    page.start_over().await;
     let frames = folder.path().join("frames.zip");
     pack(&example(""), &["frames"], &frames);
     page.pick(&[&frames]).await;
@@ -157,7 +157,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     page.click("#marking-hidden").await;
     check("marking").await;
 
-    page.click("#start-over").await;
+    page.start_over().await;
     page.pick(&[&example("checkpoint.safetensors")]).await;
     page.click("#missing .open-live").await;
     page.until("!document.querySelector('#live').hidden").await;
@@ -170,7 +170,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
     .await;
     check("live").await;
 
-    page.click("#start-over").await;
+    page.start_over().await;
     let saved = ["ours.json", "theirs.json"].map(|name| folder.path().join(name));
     saved.iter().for_each(|file| save(file));
     page.pick(&[&saved[0], &saved[1]]).await;
@@ -181,7 +181,7 @@ async fn no_state_of_the_page_has_a_barrier(browser: Browser) {
         .await;
     check("saved evaluations").await;
 
-    page.click("#start-over").await;
+    page.start_over().await;
     // Firefox's driver takes no folders.
     let archive = folder.path().join("runs.zip");
     runs::sweep(&folder.path().join("runs"));
@@ -222,7 +222,7 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
         .await;
     fits("a saved evaluation on a phone").await;
-    page.click("#start-over").await;
+    page.start_over().await;
     page.click("#try-example").await;
     page.until_scored().await;
     page.until("document.querySelector('#stage').dataset.picture?.endsWith('.png')")
@@ -236,13 +236,13 @@ async fn nothing_has_to_be_scrolled_sideways_on_a_phone_or_with_large_text() {
     page.until("document.querySelector('#comparison').dataset.complete === '10'")
         .await;
     fits("runs on a phone").await;
-    page.click("#start-over").await;
+    page.start_over().await;
     page.pick_folder(&example("frames")).await;
     page.click("#missing .mark-objects").await;
     page.until("document.querySelector('#marking-stage').dataset.picture")
         .await;
     fits("marking on a phone").await;
-    page.click("#start-over").await;
+    page.start_over().await;
     page.pick(&[&example("checkpoint.safetensors")]).await;
     page.click("#missing .open-live").await;
     page.until("!document.querySelector('#live').hidden").await;

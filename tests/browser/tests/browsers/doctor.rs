@@ -150,7 +150,7 @@ async fn a_lag_and_turned_axes_are_asked_about_and_can_be_left(browser: Browser)
     let (page, folder) = asked(browser, TURNED, "axes").await;
     click(&page, "axes", "none").await;
     shows(&page, folder.path(), &[]).await;
-    page.click("#start-over").await;
+    page.start_over().await;
     let [truth, keypoints] = ["gt.csv", "kp.csv"].map(|name| folder.path().join(name));
     page.pick(&[&truth, &keypoints]).await;
     click(&page, "axes", "").await;

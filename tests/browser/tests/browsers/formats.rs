@@ -82,7 +82,7 @@ async fn tables_of_other_programs_are_scored_as_in_the_terminal(browser: Browser
             command.extend(["--image-size", "100x80"]);
         }
         shows(&page, &tracklens_json(&command), TABLES).await;
-        page.click("#start-over").await;
+        page.start_over().await;
     }
     page.close().await;
 }
@@ -221,7 +221,7 @@ async fn a_zarr_hierarchy_is_read_as_a_folder_and_as_an_archive(browser: Browser
         shows(&page, &expected, EXTRACTED).await;
         page.until("document.querySelector('#stage').dataset.picture.includes('/episode_')")
             .await;
-        page.click("#start-over").await;
+        page.start_over().await;
     }
 
     // A chunk that is damaged costs its frames, and is told.
@@ -266,7 +266,7 @@ async fn arrays_of_a_recording_are_said_to_be_objects(browser: Browser) {
         &points,
     ];
     shows(&page, &tracklens_json(&command), TABLES).await;
-    page.click("#start-over").await;
+    page.start_over().await;
 
     // Two numbers have a unit, which nobody but the user knows.
     pick_folder(&page, browser, &replay).await;
@@ -455,7 +455,7 @@ async fn episodes_in_a_video_of_lerobot_are_sequences(browser: Browser) {
     page.until_scored().await;
 
     // One video less: the other camera is shown, and there is nothing to choose.
-    page.click("#start-over").await;
+    page.start_over().await;
     fs::remove_file(&videos[0]).expect("removed");
     pick().await;
     page.until_text("3 episodes, 40 frames of observation.images.wrist")
@@ -465,7 +465,7 @@ async fn episodes_in_a_video_of_lerobot_are_sequences(browser: Browser) {
             .await,
         Value::Null
     );
-    page.click("#start-over").await;
+    page.start_over().await;
     fs::remove_file(&videos[1]).expect("removed");
     fs::write(data.join("videos/notes.txt"), "gone").expect("written");
     pick().await;

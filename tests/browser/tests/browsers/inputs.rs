@@ -911,7 +911,7 @@ async fn a_video_is_read_by_frame_and_one_that_cannot_be_decoded_is_told() {
     page.pick(&[&folder.put("none.mp4", &[7; 4000])]).await;
     page.until_text("none.mp4 is not a whole video").await;
     // What was decoded ahead is given back without a complaint.
-    page.click("#start-over").await;
+    page.start_over().await;
     page.until("document.querySelector('main').dataset.state === 'empty'")
         .await;
     page.close().await;
@@ -991,7 +991,7 @@ async fn the_true_fault_of_a_file_is_named(browser: Browser) {
     ] {
         page.pick(&[&folder.put(name, &content)]).await;
         page.until_text(fault).await;
-        page.click("#start-over").await;
+        page.start_over().await;
     }
     page.close().await;
 }

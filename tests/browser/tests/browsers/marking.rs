@@ -247,7 +247,7 @@ async fn marked_frames_are_scored_as_the_terminal_scores_their_table(browser: Br
     let shown = "document.querySelector('.card').textContent";
     page.click("#marking-done").await;
     let marked = page.value(shown).await;
-    page.click("#start-over").await;
+    page.start_over().await;
     let files = ["frames.zip", "keypoints.csv", "marked.csv"].map(|name| spots.path(name));
     page.pick(&files.each_ref().map(PathBuf::as_path)).await;
     page.until_scored().await;
@@ -343,7 +343,7 @@ async fn marks_can_be_undone_and_outlast_the_page(browser: Browser) {
     assert_eq!(done(&page).await, 3.0);
     assert_eq!(table(&page).await, saved);
     // Other images have no marks.
-    page.click("#start-over").await;
+    page.start_over().await;
     let others = Spots::new(3);
     page.pick(&[&others.path("frames.zip")]).await;
     page.until_text("No table? Mark objects by hand").await;

@@ -293,7 +293,7 @@ async fn with_no_worker_left_the_page_says_so_keeps_what_is_done_and_goes_on_whe
 
     // None from the start: the checkpoint cannot be opened, the rest of the page works.
     page.value("void (globalThis.__broken = true)").await;
-    page.click("#start-over").await;
+    page.start_over().await;
     page.pick(&[
         &example("checkpoint.safetensors"),
         &example("ground_truth.csv"),

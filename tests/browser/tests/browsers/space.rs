@@ -163,12 +163,12 @@ async fn positions_in_space_are_scored_and_plotted(browser: Browser) {
     let report = String::from_utf8(page.saved("#save-report").await).expect("a page");
     assert!(report.contains("in space, in the squared unit of the ground truth"));
     assert!(report.contains("Of each object x, y and z"));
-    page.click("#start-over").await;
+    page.start_over().await;
     page.pick(&[&file]).await;
     shows(&page, &expected).await;
 
     // Keypoints in the image say what they can of a position in space.
-    page.click("#start-over").await;
+    page.start_over().await;
     scene.pick(&page, &["truth.csv", "pixels.csv"]).await;
     page.until_scored().await;
     let flat = scene.score("pixels.csv", &[]);
@@ -211,14 +211,14 @@ async fn a_camera_puts_them_into_the_image(browser: Browser) {
     // Everything in one file takes the camera along.
     let archive = scene.path("tracklens.zip");
     fs::write(&archive, page.saved("#save-replay").await).expect("written");
-    page.click("#start-over").await;
+    page.start_over().await;
     page.pick(&[&archive]).await;
     shows(&page, &expected).await;
 
     // Without the camera the same ground truth is in space.
     page.click("#files [data-role=camera] [title=Remove]").await;
     page.until(&is_shown(".plot-figure[data-quantity=z]")).await;
-    page.click("#start-over").await;
+    page.start_over().await;
     let broken = scene.path("broken.json");
     fs::write(
         &broken,
