@@ -35,7 +35,10 @@ in_every_browser! {
 }
 
 async fn scored(browser: Browser) -> Page {
-    let page = Page::open_in(browser).await;
+    with_example(Page::open_in(browser).await).await
+}
+
+async fn with_example(page: Page) -> Page {
     page.click("#try-example").await;
     page.until_scored().await;
     page
@@ -706,7 +709,7 @@ async fn a_sequence_is_saved_as_a_video(browser: Browser) {
 
 /// A report plays the sequence on display, without a script.
 async fn a_report_plays_the_sequence(browser: Browser) {
-    let page = scored(browser).await;
+    let page = with_example(Page::open_moving(browser).await).await;
     page.hold().await;
     let frames = page.number("document.querySelector('#scrubber').max").await + 1.0;
     let report = page.saved("#save-report").await;
