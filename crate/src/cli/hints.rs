@@ -42,7 +42,7 @@ pub(super) fn hint(reason: &Reason) -> Option<Cow<'static, str>> {
         }
         Reason::KeypointsFromOne => "`--first-keypoint 1` counts the keypoints from 1",
         Reason::AssumedAxisOrder => {
-            "`--axis-order yx` reads (y, x), of both sides where `score` has no `--keypoints-axis-order`"
+            "`--axis-order yx` reads (y, x); `score` reads keypoints so too, unless `--keypoints-axis-order` is given"
         }
         Reason::OtherColumns { .. } => {
             "`--columns` says which column is what, e.g. --columns x=px,y=py,frame=t,object=label; \
