@@ -1,7 +1,7 @@
 //! The command as the tests run it.
 
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
@@ -15,6 +15,15 @@ pub(crate) fn data(name: &str) -> PathBuf {
 
 pub(crate) fn tracklens<S: AsRef<OsStr>>(arguments: &[S]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .args(arguments)
+        .output()
+        .expect("the binary runs")
+}
+
+/// As [`tracklens`], with paths that are relative to a folder.
+pub(crate) fn tracklens_in(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tracklens"))
+        .current_dir(folder)
         .args(arguments)
         .output()
         .expect("the binary runs")

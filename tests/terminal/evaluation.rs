@@ -11,7 +11,7 @@ use tracklens::evaluation::EvaluationReport;
 use tracklens::report::draw::Theme;
 use tracklens::report::evaluation::{capability, evaluation_figures, matrix, sequences};
 
-use crate::binary::json;
+use crate::binary::{json, tracklens_in};
 
 /// Three sequences; keypoint 0 follows the cube but in the last sequence, keypoint 1 nothing;
 /// `hidden` is never visible.
@@ -40,12 +40,8 @@ fn tables() -> TempDir {
 }
 
 fn score(folder: &Path, more: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tracklens"))
-        .current_dir(folder)
-        .args(["score", "--truth", "gt.csv", "--keypoints", "kp.csv"])
-        .args(more)
-        .output()
-        .expect("the binary runs")
+    let files = ["score", "--truth", "gt.csv", "--keypoints", "kp.csv"];
+    tracklens_in(folder, &[&files[..], more].concat())
 }
 
 fn number(value: &Value) -> f64 {
@@ -599,15 +595,6 @@ fn objects_whose_names_look_alike_have_figures_of_their_own() {
     assert!(said.contains("7 figures written"), "{said}");
 }
 
-/// The command in a folder.
-fn in_folder(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tracklens"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .expect("the binary runs")
-}
-
 #[test]
 fn pixels_of_frames_of_several_sizes_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -630,7 +617,7 @@ fn pixels_of_frames_of_several_sizes_are_refused() {
     let eval = |more: &[&str]| {
         let paths = ["--frames", ".", "--truth", "gt.csv"];
         let arguments = [&["eval", "--checkpoint", &checkpoint][..], &paths, more].concat();
-        in_folder(folder.path(), &arguments)
+        tracklens_in(folder.path(), &arguments)
     };
     let refused = eval(&["--space", "px"]);
     let told = String::from_utf8_lossy(&refused.stderr);
@@ -691,7 +678,7 @@ fn a_coco_file_says_the_size_of_its_images() {
             "kp.csv",
             "--json",
         ];
-        in_folder(folder.path(), &[&files[..], more].concat())
+        tracklens_in(folder.path(), &[&files[..], more].concat())
     };
     let found = score(&[]);
     let found: Value = serde_json::from_slice(&found.stdout).expect("JSON");

@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::binary::{json, stderr};
+use crate::binary::{json, stderr, tracklens_in};
 
 const SEQUENCES: usize = 4;
 const FRAMES: usize = 30;
@@ -89,17 +89,9 @@ fn tables() -> TempDir {
     folder
 }
 
-fn tracklens(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tracklens"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .expect("the binary runs")
-}
-
 fn score(folder: &Path, truth: &str, keypoints: &str, more: &[&str]) -> Output {
     let files = ["score", "--truth", truth, "--keypoints", keypoints];
-    tracklens(folder, &[&files[..], more].concat())
+    tracklens_in(folder, &[&files[..], more].concat())
 }
 
 fn error_of(found: &Value, k: usize) -> f64 {
@@ -138,9 +130,9 @@ fn a_table_with_z_is_scored_in_space_whatever_its_layout() {
         "space.csv",
         &["--image-size", "9x9"],
     ));
-    let npz = tracklens(folder.path(), &["data", "convert", "wide.csv", "truth.npz"]);
+    let npz = tracklens_in(folder.path(), &["data", "convert", "wide.csv", "truth.npz"]);
     assert!(npz.status.success(), "{}", stderr(&npz));
-    let csv = tracklens(
+    let csv = tracklens_in(
         folder.path(),
         &["data", "convert", "truth.npz", "again.csv"],
     );
@@ -257,7 +249,7 @@ fn x_and_y_alone_are_scored_on_demand_as_if_there_were_no_z() {
         &["--xy-only", "--space", "ndc"],
     );
     assert_eq!(json(&tidy)["errors"], flat["errors"]);
-    tracklens(folder.path(), &["data", "convert", "wide.csv", "truth.npz"]);
+    tracklens_in(folder.path(), &["data", "convert", "wide.csv", "truth.npz"]);
     let arrays = score(folder.path(), "truth.npz", "image.csv", &["--xy-only"]);
     assert!(
         stderr(&arrays).contains("z is left out of 2 points"),
@@ -388,7 +380,7 @@ fn what_does_not_fit_in_space_is_said() {
         "{}",
         stderr(&found)
     );
-    let coco = tracklens(folder.path(), &["data", "convert", "wide.csv", "out.json"]);
+    let coco = tracklens_in(folder.path(), &["data", "convert", "wide.csv", "out.json"]);
     assert!(
         stderr(&coco).contains("COCO needs positions in the image"),
         "{}",
